@@ -157,7 +157,8 @@ def other_unit(t: np.ndarray) -> str:
         return unit
     if not t[0] < t[-1] <= t[0] + 0.1 * t.size:
         return ""
-    step, unsure = float(t[-1] - t[0]) / (t.size - 1), _last_place(t) / (t.size - 1)
+    step = float(t[-1] - t[0]) / (t.size - 1)
+    unsure = (_last_place(t) + 2 * float(np.spacing(t[-1]))) / (t.size - 1)
     days = _is_round(86_400 * step, 86_400 * unsure) and not _is_round(step, unsure)
     return "d" if days or step < FASTEST else ""
 

@@ -200,8 +200,8 @@ def refusal(folder, text, model=CART, name="run.csv", **options):
         (RUN.replace("0.6", "60%"), "Remedy: write the unit into the header, 'position [%]'"),
         (RUN.replace("0.6", "0.6 m"), "Remedy: write the unit into the header, 'position [m]'"),
         (RUN.replace("0.6", '"0,6"'), "Remedy: write all numbers of a column with one mark"),
-        (RUN.replace("0.1,2,0.6,1", "0,1,2,0,6,1"), ":3: expected 4 fields as in the header, got 6. "
-         "Remedy: put texts with separators into quotes; with decimal commas"),
+        (RUN.replace("0.1,2,0.6,1", "0,1,2,0,6,1"), ":3: expected 4 fields as in the header, got 6"
+         ". Remedy: put texts with separators into quotes; with decimal commas"),
         ("t\tforce\tposition\tspeed\n" + "".join(f"{k}\t1,234\t2\t3\n" for k in range(5)),
          ":2: column 'force': expected a number with one meaning, got '1,234'"),
         (RUN.replace(",", " ").replace("0.6 1", "0.6"), ":3: expected 4 fields as in the header, "
