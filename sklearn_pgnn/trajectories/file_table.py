@@ -23,7 +23,7 @@ from sklearn_pgnn.trajectories.clock_column import ClockColumn
 from sklearn_pgnn.trajectories.file_text import stem
 from sklearn_pgnn.trajectories.number_text import (
     has_commas,
-    marks_of,
+    mark_of,
     may_be_two,
     read_number,
     whole_numbers,
@@ -268,10 +268,10 @@ class FileTable(ABC):
 
     def mark(self, k: int) -> str:
         """Return the mark of the decimals in a column: by its own cells, else by other columns."""
-        cells, own = self.cells(k), self.marks.get(k, set())
+        cells, own = self.cells(k), self.marks.get(k, "")
         if own or not self.marks:
-            return "," if own == {","} else "."
-        everywhere = set().union(*self.marks.values())
+            return own or "."
+        everywhere = {mark for mark in self.marks.values() if mark}
         unclear = [row for row, cell in enumerate(cells) if may_be_two(cell)]
         if len(everywhere) == 1:
             return everywhere.pop()
@@ -286,14 +286,14 @@ class FileTable(ABC):
         return "," if self.decimal_comma else "."
 
     @cached_property
-    def marks(self) -> dict[int, set[str]]:
+    def marks(self) -> dict[int, str]:
         """The marks of the decimals by column; nothing where there is no comma at all."""
         model = self.model
         used = {self.find(n) for n in (TIME, *model.inputs, *model.states, *(model.outputs or ()))}
         columns = {k: self.cells(k) for k in used - {None} if k is not None}
         if not any(map(has_commas, columns.values())):
             return {}
-        return {k: marks_of(cells) for k, cells in columns.items()}
+        return {k: mark_of(cells) for k, cells in columns.items()}
 
     def refuse_cell(self, row: int, k: int, name: str) -> NoReturn:
         """Refuse a cell that holds no number."""

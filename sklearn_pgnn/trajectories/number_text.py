@@ -39,16 +39,31 @@ def read_number(cell: Any, mark: str = ".") -> float | None:
     >>> read_number("1.#QNAN"), read_number("half")
     (nan, None)
     """
-    if isinstance(cell, Real | Decimal):
+    if type(cell) is str:
+        known = _as_computers_write(cell, mark)
+        if known is not None:
+            return known
+    elif isinstance(cell, Real | Decimal):
         return float(cell)
-    if not isinstance(cell, str):
-        return (
-            math.nan if cell is None or (pd.api.types.is_scalar(cell) and pd.isna(cell)) else None
-        )
+    else:
+        missing = cell is None or (pd.api.types.is_scalar(cell) and pd.isna(cell))
+        return math.nan if missing else None
     text = cell.strip()
     if text.lower() in NOTHING or _NO_NUMBER.fullmatch(text):
         return math.nan
     return _number(text, mark)
+
+
+def _as_computers_write(cell: str, mark: str) -> float | None:
+    """Return a number in Python's own form, but for the mark: most cells, and ten times as fast."""
+    if mark == ",":
+        if "." in cell:
+            return None
+        cell = cell.replace(",", ".")
+    try:
+        return float(cell) if "_" not in cell else None
+    except ValueError:
+        return None
 
 
 def _number(text: str, mark: str) -> float | None:
@@ -61,20 +76,20 @@ def _number(text: str, mark: str) -> float | None:
     return float(_EXPONENT.sub("e", text.replace(mark, ".")))
 
 
-def marks_of(cells: Iterable[Any]) -> set[str]:
-    """Return the marks of the decimals that a column must have; none where both are possible.
+def mark_of(cells: Iterable[Any]) -> str:
+    """Return the mark of the decimals that the first telling cell has; nothing if both may be.
 
     Examples
     --------
-    >>> marks_of(["0,5", "2"]), marks_of(["1.736"]), marks_of(["1,736.9"])
-    ({','}, set(), {'.'})
+    >>> mark_of(["2", "0,5"]), mark_of(["1.736"]), mark_of(["1,736.9"])
+    (',', '', '.')
     """
-    found: set[str] = set()
     for cell in cells:
         if isinstance(cell, str) and ("," in cell or "." in cell):
-            can = {mark for mark in _PATTERNS if _number(cell.strip(), mark) is not None}
-            found |= can if len(can) == 1 else set()
-    return found
+            can = [mark for mark in _PATTERNS if _number(cell.strip(), mark) is not None]
+            if len(can) == 1:
+                return can[0]
+    return ""
 
 
 def has_commas(cells: Iterable[Any]) -> bool:
