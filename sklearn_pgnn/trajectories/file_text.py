@@ -11,6 +11,7 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, BinaryIO, NoReturn
 
 from sklearn_pgnn.exceptions import RecordError
@@ -118,12 +119,14 @@ def _member(path: str, file: BinaryIO) -> io.BufferedIOBase:
 
 def _decoded(path: str, raw: bytes) -> str:
     encoding = _encoding(path, raw)
+    if encoding != "utf-8-sig":
+        text = raw.decode(encoding, "replace")
+        if _CONTROL.search(text.encode("latin-1", "replace")) or "\ufffd" in text:
+            refuse_file(path, f"expected text in {encoding.upper()}, got something else. {_SAVE}")
+        return text
     for tried in (encoding, "cp1252"):
-        try:
+        with suppress(UnicodeDecodeError):
             return raw.decode(tried)
-        except UnicodeDecodeError:
-            if encoding.startswith(("utf-16", "utf-32")):
-                refuse_file(path, f"expected text in {encoding.upper()}, got something else.")
     return raw.decode("latin-1")
 
 
@@ -134,7 +137,9 @@ def _encoding(path: str, raw: bytes) -> str:
         return told
     zeros = raw[:HEAD:2].count(0), raw[1:HEAD:2].count(0)
     if max(zeros) > 0.4 * len(raw[:HEAD]) and not min(zeros):  # every second byte of Latin text
-        return "utf-16-be" if zeros[0] else "utf-16-le"
+        told = "utf-16-be" if zeros[0] else "utf-16-le"
+        if not _CONTROL.search(raw[:HEAD].replace(b"\0", b"")):
+            return told
     binary = _CONTROL.search(raw)
     if binary:
         line = raw.count(b"\n", 0, binary.start()) + 1
