@@ -1,5 +1,6 @@
 """A table of cells, as in a CSV file or on a sheet: its header, and the rows of units under it."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -15,6 +16,7 @@ from sklearn_pgnn.trajectories.time_text import UnclearTimes, read_times
 from sklearn_pgnn.trajectories.titles import is_called, name_of
 from sklearn_pgnn.user_line import warn_user
 
+_LIKE_NUMBER = re.compile(r"['\"]?[+-]?[\d.,]*\d")
 #: rows in which the header is looked for
 HEAD = 100
 #: most rows between the header and the first sample
@@ -34,7 +36,9 @@ class CellTable(FileTable):
         self.header = [_text(cell) for cell in rows[start]]
         self.header_line = lines[start]
         self.rows, self.lines = rows[start + 1 :], lines[start + 1 :]
-        while self.rows and _is_empty(self.rows[-1]):
+        while self.rows and (_is_empty(self.rows[-1]) or _is_told(self.rows[-1])):
+            if not _is_empty(self.rows[-1]):
+                self.tell_left_out(self.lines[-1], self.rows[-1])
             del self.rows[-1], self.lines[-1]
         self.check_header()
         self.take_units()
@@ -43,9 +47,11 @@ class CellTable(FileTable):
     def check_header(self) -> None:
         """Refuse a file that begins with numbers."""
         if all(_is_number(name) for name in self.header):
+            wanted = wanted_names(self.model)[1:]
             self.refuse(
                 None,
-                f"expected a header with the names of the columns, got '{listed(self.header)}'.",
+                f"expected a header with the names of the columns, got '{listed(self.header)}'. "
+                f"Remedy: write them above the numbers, as in {listed(wanted)}.",
             )
 
     def take_units(self) -> None:
@@ -56,14 +62,18 @@ class CellTable(FileTable):
         units = next((row for row in self.rows[:below] if _are_units(row)), None)
         for line, row in zip(self.lines[:below], self.rows[:below], strict=True):
             if row is not units:
-                warn_user(
-                    f"{self.path}{self.place_of(line)}: this row under the header is left out, for "
-                    f"it has no number: {listed(_text(cell) for cell in row if _text(cell))}.",
-                    RecordWarning,
-                )
+                self.tell_left_out(line, row)
         if units is not None:
             self.units = {k: unit for k, cell in enumerate(units) if (unit := _unit(cell))}
         self.rows, self.lines = self.rows[below:], self.lines[below:]
+
+    def tell_left_out(self, line: int, row: Sequence[Any]) -> None:
+        """Warn of a row that is no sample."""
+        told = listed(_text(cell) for cell in row if _text(cell))
+        warn_user(
+            f"{self.path}{self.place_of(line)}: this row has no number and is left out: {told}.",
+            RecordWarning,
+        )
 
     @property
     def size(self) -> int:
@@ -91,7 +101,7 @@ class CellTable(FileTable):
 
 def wanted_names(model: PhysicsModel) -> list[str]:
     """Return what the model calls the columns of a file."""
-    names = (TIME, TRAJECTORY, *model.inputs, *(model.outputs or ()))
+    names = (TRAJECTORY, TIME, *model.inputs, *(model.outputs or ()))
     called = [model.columns.get(name, name) for name in names]
     return [*called, *(name_of(name) for name in called if name.endswith("]"))]
 
@@ -140,10 +150,14 @@ def _is_told(row: Sequence[Any]) -> bool:
     told = [cell for cell in row if _text(cell).lower() not in NOTHING]
     numbers = [cell for cell in told if _is_number(cell)]
     ones = all(_text(cell) == "1" for cell in numbers)
-    return ones and len(numbers) < len(told) and not any(map(_is_time, told))
+    fewer = 2 * len(numbers) < len(told)
+    return ones and fewer and not any(_is_sample(cell) for cell in told)
 
 
-def _is_time(cell: Any) -> bool:
+def _is_sample(cell: Any) -> bool:
+    """Whether a cell is a time, or begins as a number does; a unit may begin with a 1."""
+    if _LIKE_NUMBER.match(_text(cell)) and not _text(cell).startswith("1"):
+        return True
     try:
         return not _is_number(cell) and read_times([cell]) is not None
     except UnclearTimes:

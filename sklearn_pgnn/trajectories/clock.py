@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 #: sizes of counters, in the unit of the file
-COUNTERS = tuple(float(2**bits) for bits in (16, 24, 31, 32))
-#: times [s] after which clocks begin again: a minute, an hour, a day
-ROUNDS = (60.0, 3_600.0, 86_400.0)
+COUNTERS = (*(2.0**bits for bits in (8, 10, 12, 16, 20, 24, 31, 32)), 1e3, 1e4, 1e5, 1e6)
+#: times [s] after which clocks begin again: a second, a minute, an hour, a day
+ROUNDS = (1.0, 60.0, 3_600.0, 86_400.0)
 #: how far [s] local time goes back in autumn, and a clock without AM and PM
 OF_DATES = (3_600.0, 43_200.0)
 #: largest part of the rows that may share their time with the row before, as at the events of a
@@ -21,7 +21,10 @@ _TOO_COARSE = (
 )
 _SORT = "Remedy: sort the rows by time."
 _SPLIT = "Remedy: split the file there, or name each record in a column 'trajectory'."
-_EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+#: what a clock since 1970 shows in other units than the second, below; a question mark is none
+_EPOCHS = ((1e17, "ns"), (1e16, "?"), (1e14, "us"), (1e13, "?"), (1e11, "ms"))
+#: days that spreadsheets and MATLAB count, and astronomers
+_DAYS = ((20_000, 90_000), (700_000, 800_000), (2_440_000, 2_500_000))
 
 
 class Backward(NamedTuple):
@@ -139,8 +142,8 @@ def _why(t: np.ndarray, row: int) -> str:
 def other_unit(t: np.ndarray) -> str:
     """Return the unit that a time, which is said to be in seconds, seems to have; else nothing.
 
-    Numbers above 1e11 are no seconds since 1970. Days of a spreadsheet, now about 46 000, have a
-    step that is round in seconds, not in days.
+    Numbers above 1e11 are no seconds since 1970; a question mark stands for no unit at all. Days of
+    a spreadsheet, now about 46 000, have a step that is round in seconds, not in days.
 
     Examples
     --------
@@ -153,7 +156,8 @@ def other_unit(t: np.ndarray) -> str:
         return ""
     size = float(np.abs(t).min())
     unit = next((unit for least, unit in _EPOCHS if size > least), "")
-    if unit or not (t.min() > 20_000 and t.max() < 90_000) or t.size < 3:
+    days_told = any(low < t.min() and t.max() < high for low, high in _DAYS)
+    if unit or not days_told or t.size < 3:
         return unit
     if not t[0] < t[-1] <= t[0] + 0.1 * t.size:
         return ""

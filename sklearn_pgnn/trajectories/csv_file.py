@@ -159,6 +159,11 @@ class _CsvTable(CellTable):
         self.take(self.parse(texts, lines, separator), lines)
         self.check_widths(separator)
 
+    def remedy(self, name: str) -> str:
+        """Return the remedy for a missing column, with the separators if there is one column."""
+        between = " Columns are separated by commas, semicolons, tabs, bars or blanks."
+        return super().remedy(name) + between * (len(self.header) == 1)
+
     def split(self, text: str) -> tuple[list[int], list[str]]:
         """Return the line numbers and texts of all lines but comments and empty ones.
 

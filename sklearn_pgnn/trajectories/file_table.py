@@ -52,7 +52,8 @@ NO_TIME = "Or, if it has no time, give the sample interval: sample_time=0.01 [s]
 COMPARED = 2000
 #: by how much a sample time may differ from that of a column in its place without a warning
 DIFFERENT = 0.05
-_WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?\s*([^\d\s.,:/-]\S{0,9})")
+_DATE = re.compile(r"\d:\d|\d[./-]\d+[./-]\d")
+_WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?\s*([^\d\s.,:/×-]\S{0,9})")
 
 
 class FileTable(ABC):
@@ -306,12 +307,14 @@ class FileTable(ABC):
                 "record begins, or delete the line.",
                 title,
             )
-        if name == TIME and re.search(r"\d[:./-]\d", str(cell)[:SHORT]):
+        if name == TIME and _DATE.search(str(cell)[:SHORT]):
             remedy = "write dates as 2026-01-31 12:00:00.005, or the time in seconds."
         elif unit and read_number(cell) is None:
             remedy = f"write the unit into the header, '{name} [{unit[2]}]', and the number alone."
         elif any(read_number(cell, mark) is not None for mark in ".,"):
             remedy = "write all numbers of a column with one mark of the decimals."
+        elif re.search(r"\d", str(cell)[:SHORT]):
+            remedy = "write numbers as 0.0015 or 1.5e-3, or leave the cell empty."
         elif name in self.model.inputs or name == TIME:
             remedy = "give a number in every row, or cut the record there."
         else:
@@ -469,12 +472,10 @@ class FileTable(ABC):
         t, title = self.finite(TIME), self.header[k]
         unit = "" if self.given_unit(TIME, k) else other_unit(t)
         if unit:
-            seconds = f', or "{title} [s]" if it is in seconds' if unit == "d" else ""
             self.refuse(
                 0,
-                f"expected seconds, got {self.cells(k)[0]}, as of a clock in {unit!r}. Remedy: "
-                f"give the unit, in the header or in the model file: columns: "
-                f'{{t: "{title} [{unit}]"}}{seconds}; or write dates as 2026-01-31 12:00:00.005.',
+                f"expected seconds, got {self.cells(k)[0]}. Remedy: {_of_clock(title, unit)}write "
+                f"dates as 2026-01-31 12:00:00.005.",
                 title,
             )
         ticks = whole_numbers(self.cells(k))
@@ -549,6 +550,17 @@ class FileTable(ABC):
         if clock is not None:
             clock.tell()
         return t, np.flatnonzero(~dropped)
+
+
+def _of_clock(title: str, unit: str) -> str:
+    """Return the remedy for a clock in another unit; there is none for a date in one number."""
+    if unit == "?":
+        return ""
+    seconds = f', or "{title} [s]" if it is in seconds' if unit == "d" else ""
+    return (
+        f"if it counts in {unit}, give the unit, in the header or in the model file: columns: "
+        f'{{t: "{title} [{unit}]"}}{seconds}; or '
+    )
 
 
 def _ways_to_find(wanted: str) -> list[Callable[[str], bool]]:

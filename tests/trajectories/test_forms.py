@@ -238,7 +238,7 @@ def test_a_row_of_texts_and_a_line_that_was_cut_are_left_out_and_told(tmp_path):
     with pytest.warns(RecordWarning) as told:
         X, _ = read_file(path, CART)
     assert X["t"].tolist() == [0, 0.1, 0.2, 0.3, 0.4]
-    assert ":2: this row under the header is left out, for it has no number" in str(told[0].message)
+    assert ":2: this row has no number and is left out" in str(told[0].message)
     assert ":8: the file ends within this line, which is left out" in str(told[1].message)
 
 
