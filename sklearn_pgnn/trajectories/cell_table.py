@@ -113,15 +113,23 @@ def quantities_in(row: Sequence[Any], names: Sequence[str]) -> int:
 
 
 def header_row(rows: Sequence[Sequence[Any]], model: PhysicsModel) -> int:
-    """Return the row that names most of the model's quantities, else the first of usual width."""
+    """Return the row that names most of the model's quantities, else that above the numbers."""
     names = wanted_names(model)
     found = [quantities_in(row, names) for row in rows]
-    if max(found) > 0:
-        return found.index(max(found))
+    return found.index(max(found)) if max(found) > 0 else _above_numbers(rows)
+
+
+def _above_numbers(rows: Sequence[Sequence[Any]]) -> int:
+    """Return the first of the rows of texts above the numbers, of more than half their width."""
     widths = [_width(row) for row in rows]
-    usual = Counter(w for w, row in zip(widths, rows, strict=True) if any(map(_is_number, row)))
-    ((most, _),) = usual.most_common(1) or [(widths[0], 0)]
-    return next((k for k, w in enumerate(widths) if w >= most), 0)
+    numbers = [any(map(_is_number, row)) for row in rows]
+    usual = Counter(w for w, is_data in zip(widths, numbers, strict=True) if is_data)
+    most = usual.most_common(1)[0][0] if usual else widths[0]
+    data = [is_data and width >= most for is_data, width in zip(numbers, widths, strict=True)]
+    header = next((k for k in range(len(rows)) if all(data[k : k + 3]) and data[k]), len(rows))
+    while header > 0 and _is_told(rows[header - 1]) and 2 * widths[header - 1] > most:
+        header -= 1
+    return header if header < len(rows) else 0
 
 
 def _width(row: Sequence[Any]) -> int:

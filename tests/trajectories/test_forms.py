@@ -298,3 +298,11 @@ def test_times_of_a_workbook_are_read(tmp_path):
         book.save(path)
         X, _ = read_file(path, CART)
         assert X["t"].to_numpy() == pytest.approx(np.arange(5) / 10, abs=1e-5)
+
+
+@pytest.mark.core
+@pytest.mark.parametrize("above", ["", "Rig 7\nRate,50,Hz,x\nStart,12:00,h,y\n", "rig,7\n\n\n"])
+@pytest.mark.parametrize("below", ["", "s,kN,mm,m/s\n", "time,drive,laser,\n[s],[kN],[mm],[m/s]\n"])
+def test_the_header_of_a_file_with_other_names_is_found(tmp_path, above, below):
+    text = above + RUN.replace("t,force,position,speed\n", f"Zeit,Kraft,Weg,Tempo\n{below}")
+    assert "missing; the file has Zeit, Kraft, Weg, Tempo. Remedy: " in refusal(tmp_path, text)
