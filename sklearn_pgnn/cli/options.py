@@ -46,7 +46,7 @@ _SAMPLE_TIME = click.option(
     "--sample-time",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="Time from sample to sample [s], for files that have no time.",
+    help="Time from sample to sample [s], for files without a time; it overrides one they have.",
 )
 _NOISE = click.option(
     "--noise",

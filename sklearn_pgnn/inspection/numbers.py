@@ -220,10 +220,10 @@ def fit_text(fit: float, decimals: int = 0) -> str:
     >>> fit_text(98.4), fit_text(99.84, decimals=1), fit_text(-2e4)
     ('98 %', '99.8 %', 'below −1000 %')
     >>> fit_text(-math.inf), fit_text(math.nan)
-    ('diverges', 'nothing moves')
+    ('diverges', 'nothing to fit')
     """
     if math.isnan(fit):
-        return "nothing moves"
+        return "nothing to fit"
     if math.isinf(fit):
         return "diverges"
     return f"{fit:.{decimals}f} %" if fit > -1000 else "below −1000 %"

@@ -169,6 +169,8 @@ def keys(diagnosis, formula=None) -> list[tuple[str, str]]:
 
 def _in_sight(known, curves) -> Scale:
     """Return an axis on which a diverging model does not hide the rest."""
+    if not np.isfinite(known).any():  # this record lacks the output
+        return Scale.over(*curves)
     low, high = np.nanmin(known), np.nanmax(known)
     reach = (high - low) or 1.0
     return Scale.over(*(np.clip(each, low - reach, high + reach) for each in (known, *curves)))
