@@ -32,6 +32,7 @@ from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
+from sklearn_pgnn.record_quality.wiring import Rewired, find_wiring
 from sklearn_pgnn.simulation.record_windows import enough_substeps
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories.record import Record
@@ -107,6 +108,7 @@ class Investigation:
     searched: Findings | None = None
     search: Search | None = None
     whole: EstimationProblem | None = None
+    wiring: Rewired | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
         """Search with one hold of the inputs, and with the other if the records support it.
@@ -123,6 +125,9 @@ class Investigation:
         Findings
             What was found.
         """
+        self.progress.begin("wiring")
+        with suppress(TimeIsUp):
+            self.wiring = find_wiring(self.model, self.records, each_step=self.progress.tick)
         self.searched = self._search(self._fitter(hold))
         if not is_told and self.progress.ended is None:
             with self.progress.kept():
@@ -164,16 +169,32 @@ class Investigation:
             self.whole = problem
             problem, records = on_stretches(problem, records, self.options)
         self.progress.begin("window length")
-        if self.options.get("window_length") is None:
+        if self.wiring is not None:
+            fitter = self._as_wired(self.wiring.wirings[0].apply(self.model), problem, records)
+        elif self.options.get("window_length") is None:
             fitter = select_windows(problem, self.progress)
         else:
             fitter = HypothesisFitter(problem, self.progress)
         check_prior(fitter, [record.name for record in records])
         return self._in_enough_steps(fitter)
 
+    def _as_wired(
+        self, wired: PhysicsModel, problem: EstimationProblem, records: tuple[Record, ...]
+    ) -> HypothesisFitter:
+        """Return the fitter of the model as given, on the windows and steps that suit it wired."""
+        hold = problem.windows.hold
+        other = build_problem(wired, records, hold=hold, **self.options)
+        if self.options.get("window_length") is None:
+            other = select_windows(other, self.progress).problem
+        problem = replace(problem, min_samples=other.min_samples)
+        problem = recut(problem, other.scales.window) or problem
+        if not self._steps_are_told:
+            problem = with_substeps(problem, other.windows.substeps)
+        return HypothesisFitter(problem, self.progress)
+
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
         """Return the fitter with as many integration steps as the prior needs, if not given."""
-        if self._steps_are_told:
+        if self._steps_are_told or self.wiring is not None:
             return fitter
         windows, base = fitter.problem.windows, fitter.base().fit
         substeps = enough_substeps(base.model, windows, base.x0)
@@ -207,13 +228,15 @@ class Investigation:
     def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
         """Search the catalogue, and search a formula for what it does not explain."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
+        wirings = () if self.wiring is None else self.wiring.wirings
+        given |= frozenset(wirings[:1])
         criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
         asked = _Structures(fitter, criterion)
         self.progress.begin("candidates")
         formulas = FormulaSelection()
         self.search = search = Search(
             fitter,
-            _distinct(self.candidates, fitter.problem.scales),
+            (*wirings, *_distinct(self.candidates, fitter.problem.scales)),
             criterion,
             self.max_causes,
             asked.has_structure,
