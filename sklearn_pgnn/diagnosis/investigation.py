@@ -32,6 +32,7 @@ from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
+from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.wiring import Rewired, find_wiring
 from sklearn_pgnn.simulation.record_windows import enough_substeps
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -126,7 +127,7 @@ class Investigation:
             What was found.
         """
         self.progress.begin("wiring")
-        with suppress(TimeIsUp):
+        with self.progress.kept():
             self.wiring = find_wiring(self.model, self.records, each_step=self.progress.tick)
         self.searched = self._search(self._fitter(hold))
         if not is_told and self.progress.ended is None:
@@ -159,6 +160,11 @@ class Investigation:
         yield Findings(found.search, causes, None, found.structure)
         nothing = SearchResult(causes.base, [], {}, alone=causes.alone, complete=False)
         yield Findings(found.search, nothing, None, None)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the records show of the wiring, before any diagnosis."""
+        return () if self.wiring is None else (self.wiring.finding(self.model),)
 
     def _fitter(self, hold: str) -> HypothesisFitter:
         """Return the fitter with the user's window length, else with one selected from records."""
