@@ -14,6 +14,7 @@ from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.constant_outputs import remarks_on_dead_outputs
 from sklearn_pgnn.trajectories.measured import spans_of
+from sklearn_pgnn.trajectories.repeated_records import REMEDY, remarks_on_repeats
 
 
 @dataclass(frozen=True)
@@ -180,6 +181,7 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
         (
             *_constant(quantities),
             *remarks_on_dead_outputs(model, records),
+            *(f"{remark}. Remedy: {REMEDY}." for remark in remarks_on_repeats(records)),
             *_gaps(records),
             *failed,
             *_odd(model, records, outputs),

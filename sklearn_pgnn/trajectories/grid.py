@@ -68,13 +68,15 @@ def _step_of(known: np.ndarray) -> float:
         return 0.0
     gaps, decimals = np.diff(distinct), _decimals(distinct)
     step = float(np.median(gaps[gaps < 1.5 * gaps.min() + decimals]))
-    counts = np.maximum(np.rint(gaps / step), 1)
-    few = counts <= FEW  # of many steps the error of one is too large
-    off = np.abs(gaps - counts * step) > decimals + OFF_GRID * step
+    for most in (2, FEW // 2, FEW):  # of many steps the error of one is too large
+        few = gaps < (most + 0.5) * step
+        counts = np.maximum(np.rint(gaps[few] / step), 1)
+        step = float(gaps[few].sum() / counts.sum())
     counted = distinct.size < REPEATED * known.size or np.mean(counts > 1) > SEVERAL
-    if not counted or step < FEW * decimals or np.mean(off[few]) > 1 - MULTIPLES:
+    off = np.abs(gaps[few] - counts * step) > decimals + OFF_GRID * step
+    if not counted or step < FEW * decimals or np.mean(off) > 1 - MULTIPLES:
         return 0.0
-    return float(gaps[few].sum() / counts[few].sum())
+    return step
 
 
 def _decimals(values: np.ndarray) -> float:
