@@ -36,6 +36,7 @@ from sklearn_pgnn.physics.effects.wiring import (
 )
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.record_windows import noise_levels, window_records
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, fit_windows
 from sklearn_pgnn.trajectories.record import Record
@@ -50,7 +51,7 @@ ALIKE = 1.25
 #: squared moves of parameters, in their spreads, that do not count, and that tell wirings apart
 MOVED, FAR_MOVED = 0.01, 0.5
 #: how many times worse another output may be told, and how far a parameter may be off
-WORSE, FARTHEST = 1.25, 3.0
+WORSE, FARTHEST = 1.25, 2.2
 #: samples that are tried, of all records, and steps of a fit: errors are compared by threes
 SAMPLES = 3000
 STEPS, TOLERANCE = 12, 1e-3
@@ -197,7 +198,8 @@ class _Trials:
 
     def fitted(self, wiring: Wiring) -> _Fit:
         """Return the model as rewired."""
-        return self._fitted(wiring.apply(self.model), self._most)
+        near = isinstance(wiring, Factor)  # a parameter that is far off is a factor, too
+        return self._fitted(wiring.apply(self.model), self._most, near)
 
     @cached_property
     def _most(self) -> float:
@@ -218,7 +220,7 @@ class _Trials:
         if isinstance(factor, OutputFactor):
             known = self._scales[[list(self.model.outputs).index(factor.quantity)]]
         size = factor.factor if isinstance(factor, OutputFactor) else 1 / factor.factor
-        off = np.abs(np.log(known / size))
+        off = np.abs(np.log(np.maximum(known, 1e-300) / size))
         return not known.size or bool((~(off > np.log(NEAR))).any())
 
     @cached_property
@@ -235,7 +237,7 @@ class _Trials:
                 [_spread(own) / _spread(own - rest) for own, rest in zip(y.T, left.T, strict=True)]
             )
 
-    def _fitted(self, model: PhysicsModel, most: float = np.inf) -> _Fit:
+    def _fitted(self, model: PhysicsModel, most: float = np.inf, near: bool = False) -> _Fit:
         """Fit a model; its errors are infinite where it cannot be simulated."""
         lost = _Fit(np.full(len(model.outputs), np.inf), np.inf)
         try:
@@ -246,7 +248,7 @@ class _Trials:
                 fit = fit_windows(
                     model,
                     cut.windows,
-                    _freedoms(model),
+                    _freedoms(model, near),
                     *start,
                     max_steps=STEPS,
                     tolerance=TOLERANCE,
@@ -274,18 +276,18 @@ class _Trials:
         return np.maximum(sum(np.isfinite(record.y).sum(axis=0) for record in self.records), 1)
 
 
-def _freedoms(model: PhysicsModel) -> tuple[ParameterPrior, ...]:
-    """Let every free parameter vary by a factor, though rather little."""
-    return tuple(_freedom(model, name) for name in model.free_parameters)
+def _freedoms(model: PhysicsModel, near: bool) -> tuple[ParameterPrior, ...]:
+    """Let every free parameter vary within its spread, or by a factor, though rather little."""
+    return tuple(_freedom(model, name, near) for name in model.free_parameters)
 
 
-def _freedom(model: PhysicsModel, name: str) -> ParameterPrior:
-    parameter = model.parameters[name]
-    value, (low, high) = parameter.value, parameter.bounds
+def _freedom(model: PhysicsModel, name: str, near: bool) -> ParameterPrior:
+    known, value = freedom_of(model, name, within_spread=near), model.parameters[name].value
     if value == 0:
-        return ParameterPrior(name, low, high, value, np.inf, 1.0)
+        return known
     least, most = sorted((value / FARTHEST, value * FARTHEST))
-    return ParameterPrior(name, max(low, least), min(high, most), value, abs(value) / 2, abs(value))
+    low, high = max(known.low, least), min(known.high, most)
+    return replace(known, low=low, high=high, spread=abs(value) / 2, scale=abs(value))
 
 
 def _part(record: Record, size: int) -> Record:

@@ -209,10 +209,6 @@ class ExchangedInputs(Wiring):
         one, other = map(symbol, self.target.split(_AND))
         return _substitute_both(model, {one: other, other: one})
 
-    def lines(self, model: PhysicsModel) -> str:
-        """Return the columns the other way round."""
-        return _columns_exchanged(model, self.target)
-
 
 @dataclass(frozen=True)
 class ExchangedOutputs(Wiring):
@@ -246,23 +242,12 @@ class ExchangedOutputs(Wiring):
         shown = model.outputs
         return {"outputs": {**shown, one: shown[other], other: shown[one]}}
 
-    def lines(self, model: PhysicsModel) -> str:
-        """Return the columns the other way round."""
-        return _columns_exchanged(model, self.target)
-
 
 def _pairs(model: PhysicsModel, names) -> Iterator[str]:
     """Yield the pairs of channels of one unit."""
     for one, other in combinations(list(names)[:MOST], 2):
         if model.unit(one) == model.unit(other):
             yield f"{one}{_AND}{other}"
-
-
-def _columns_exchanged(model: PhysicsModel, target: str) -> str:
-    one, other = target.split(_AND)
-    titles = [model.columns.get(name, name) for name in (one, other)]
-    said = [f"{name}: {title}" for name, title in zip((other, one), titles, strict=True)]
-    return f"columns: {{{', '.join(said)}}}"
 
 
 def _substitute_both(model: PhysicsModel, exchanged: Mapping) -> dict:
