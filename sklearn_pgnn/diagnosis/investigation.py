@@ -64,6 +64,12 @@ class Findings:
     replaced: SearchResult | None = None
 
     @property
+    def of_wiring(self) -> tuple[Finding, ...]:
+        """What the records show of the wiring, before any physics."""
+        wiring = self.search.wiring
+        return () if wiring is None else (wiring.finding(self.search.fitter.problem.prior),)
+
+    @property
     def remaining(self) -> Remaining:
         """What is left of the records with the causes."""
         share = self.search.criterion.smallest_share
@@ -161,11 +167,6 @@ class Investigation:
         nothing = SearchResult(causes.base, [], {}, alone=causes.alone, complete=False)
         yield Findings(found.search, nothing, None, None)
 
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What the records show of the wiring, before any diagnosis."""
-        return () if self.wiring is None else (self.wiring.finding(self.model),)
-
     def _fitter(self, hold: str) -> HypothesisFitter:
         """Return the fitter with the user's window length, else with one selected from records."""
         self.progress.begin("reading the records")
@@ -234,20 +235,19 @@ class Investigation:
     def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
         """Search the catalogue, and search a formula for what it does not explain."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
-        wirings = () if self.wiring is None else self.wiring.wirings
-        given |= frozenset(wirings[:1])
         criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
         asked = _Structures(fitter, criterion)
         self.progress.begin("candidates")
         formulas = FormulaSelection()
         self.search = search = Search(
             fitter,
-            (*wirings, *_distinct(self.candidates, fitter.problem.scales)),
+            _distinct(self.candidates, fitter.problem.scales),
             criterion,
             self.max_causes,
             asked.has_structure,
             formulas.is_law,
             given,
+            self.wiring,
         )
         searched = search.run(begin)
         result, proposal, structure = searched, None, None
