@@ -110,7 +110,7 @@ def find_wiring(
     model: PhysicsModel,
     records: Sequence[Record],
     levels: np.ndarray | None = None,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> Rewired | None:
     """Find a wiring with which a model follows records that it does not follow as given."""
     levels = noise_levels(records) if levels is None else levels
@@ -273,7 +273,8 @@ class _Trials:
     @cached_property
     def _counts(self) -> np.ndarray:
         """Measured values of every output."""
-        return np.maximum(sum(np.isfinite(record.y).sum(axis=0) for record in self.records), 1)
+        measured = [np.isfinite(each.y).sum(axis=0) for each in self.records if each.y is not None]
+        return np.maximum(np.sum(measured, axis=0), 1)
 
 
 def _freedoms(model: PhysicsModel, near: bool) -> tuple[ParameterPrior, ...]:
@@ -292,13 +293,13 @@ def _freedom(model: PhysicsModel, name: str, near: bool) -> ParameterPrior:
 
 def _part(record: Record, size: int) -> Record:
     """Return the stretch of a record in which the outputs vary most, of so many samples."""
-    size = max(size, 200)
-    if record.t.size <= size:
+    size, y = max(size, 200), record.y
+    if y is None or record.t.size <= size:
         return record
     edges = np.linspace(0, record.t.size, record.t.size // size + 1).astype(int)
-    spread = np.nanstd(record.y, axis=0)
+    spread = np.nanstd(y, axis=0)
     share = [
-        np.nansum(np.nanvar(record.y[a:b], axis=0) / np.where(spread > 0, spread, 1.0) ** 2)
+        np.nansum(np.nanvar(y[a:b], axis=0) / np.where(spread > 0, spread, 1.0) ** 2)
         for a, b in pairwise(edges)
     ]
     a, b = list(pairwise(edges))[int(np.argmax(share))]
