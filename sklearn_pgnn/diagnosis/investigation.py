@@ -32,6 +32,8 @@ from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
+from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.wiring import Rewired, find_wiring
 from sklearn_pgnn.simulation.record_windows import enough_substeps
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories.record import Record
@@ -60,6 +62,12 @@ class Findings:
     proposal: Proposal | None
     structure: Structure | None
     replaced: SearchResult | None = None
+
+    @property
+    def of_wiring(self) -> tuple[Finding, ...]:
+        """What the records show of the wiring, before any physics."""
+        wiring = self.search.wiring
+        return () if wiring is None else (wiring.finding(self.search.fitter.problem.prior),)
 
     @property
     def remaining(self) -> Remaining:
@@ -107,6 +115,7 @@ class Investigation:
     searched: Findings | None = None
     search: Search | None = None
     whole: EstimationProblem | None = None
+    wiring: Rewired | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
         """Search with one hold of the inputs, and with the other if the records support it.
@@ -123,6 +132,9 @@ class Investigation:
         Findings
             What was found.
         """
+        self.progress.begin("wiring")
+        with self.progress.kept():
+            self.wiring = find_wiring(self.model, self.records, each_step=self.progress.tick)
         self.searched = self._search(self._fitter(hold))
         if not is_told and self.progress.ended is None:
             with self.progress.kept():
@@ -164,16 +176,32 @@ class Investigation:
             self.whole = problem
             problem, records = on_stretches(problem, records, self.options)
         self.progress.begin("window length")
-        if self.options.get("window_length") is None:
+        if self.wiring is not None:
+            fitter = self._as_wired(self.wiring.wirings[0].apply(self.model), problem, records)
+        elif self.options.get("window_length") is None:
             fitter = select_windows(problem, self.progress)
         else:
             fitter = HypothesisFitter(problem, self.progress)
         check_prior(fitter, [record.name for record in records])
         return self._in_enough_steps(fitter)
 
+    def _as_wired(
+        self, wired: PhysicsModel, problem: EstimationProblem, records: tuple[Record, ...]
+    ) -> HypothesisFitter:
+        """Return the fitter of the model as given, on the windows and steps that suit it wired."""
+        hold = problem.windows.hold
+        other = build_problem(wired, records, hold=hold, **self.options)
+        if self.options.get("window_length") is None:
+            other = select_windows(other, self.progress).problem
+        problem = replace(problem, min_samples=other.min_samples)
+        problem = recut(problem, other.scales.window) or problem
+        if not self._steps_are_told:
+            problem = with_substeps(problem, other.windows.substeps)
+        return HypothesisFitter(problem, self.progress)
+
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
         """Return the fitter with as many integration steps as the prior needs, if not given."""
-        if self._steps_are_told:
+        if self._steps_are_told or self.wiring is not None:
             return fitter
         windows, base = fitter.problem.windows, fitter.base().fit
         substeps = enough_substeps(base.model, windows, base.x0)
@@ -219,6 +247,7 @@ class Investigation:
             asked.has_structure,
             formulas.is_law,
             given,
+            self.wiring,
         )
         searched = search.run(begin)
         result, proposal, structure = searched, None, None

@@ -423,7 +423,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.initial_states_ = self.records_.starts
         tells = fitter.held_out(result.base).tells | fitter.held_out(final).tells
         self.free_run_ = free_run_errors(self.records_, tells)
-        self.data_quality_: tuple[Finding, ...] = ()
+        self.data_quality_: tuple[Finding, ...] = found.of_wiring
         self.separations_: tuple[Separation, ...] = ()
         self.unusable_, self.complete_ = fitter.unusable, result.complete
         self.tested_, self.stopped_ = result.complete, progress.ended

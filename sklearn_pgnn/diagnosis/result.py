@@ -178,7 +178,7 @@ class Gain:
     prior, refitted, extended : float
         Root mean square error of the prior, the re-tuned prior and the extended model.
     noise : float
-        The white part of the residuals of the extended model.
+        The noise of the records, the same that a first look estimates.
     explained_share, low, high : float
         Share of the prior's error power above the noise that the extension removes, with its
         95 % interval from bootstrapped windows.
@@ -314,7 +314,7 @@ def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> d
         runs = {f"free_run_{which}": _rms(h.free_run, i, scale) for which, h in held_out.items()}
         gains[output] = Gain(
             **errors,
-            noise=float(scale * noise),
+            noise=float(scale),
             explained_share=float(share),
             low=float(low),
             high=float(high),

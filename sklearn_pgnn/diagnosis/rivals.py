@@ -23,7 +23,7 @@ def not_refuted(
     found = []
     for trial in ladder.in_place(final, cause):
         (other,) = own_causes(final, trial)
-        simple = count_parameters(other) <= count_parameters(cause)
+        simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
         stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
         if simple and stands and not compare.refutes(final, trial):
             found.append((trial, compare.separation(trial, final)))
@@ -72,4 +72,6 @@ def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: E
         return False
     if any(fitter.models.orders(rest, each) != [rest.plus(each)] for each in (cause, other)):
         return False
-    return are_equivalent(fitter.models.extend(rest), cause, other, retuned=False)
+    fitted = tuple(name for each in rest.causes for name in each.names().values())
+    model = fitter.models.extend(rest)
+    return are_equivalent(model, cause, other, retuned=False, beside=fitted)

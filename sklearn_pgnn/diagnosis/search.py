@@ -22,6 +22,7 @@ from sklearn_pgnn.estimation.shared_part import in_terms_of_the_model
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import frequent_first
+from sklearn_pgnn.record_quality.wiring import Rewired
 
 #: yields the hypotheses reached by a move that the criterion accepts, the best first
 Move = Callable[[FittedHypothesis], Iterator[FittedHypothesis]]
@@ -48,6 +49,8 @@ class Search:
         leaves nothing, so that the search is over.
     given : frozenset of Effect, default=frozenset()
         Causes that the records show by themselves: any positive evidence for them is enough.
+    wiring : Rewired, optional
+        Signs, exchanges and units that the records show, each as good as the first.
     """
 
     def __init__(
@@ -59,12 +62,15 @@ class Search:
         has_structure: Callable[[FittedHypothesis], bool],
         find_law: Callable[["Search"], bool],
         given: frozenset[Effect] = frozenset(),
+        wiring: Rewired | None = None,
     ):
         self.criterion, self.max_causes = criterion, max_causes
         self.has_structure, self.find_law = has_structure, find_law
         self.progress = fitter.progress
+        wirings = () if wiring is None else wiring.wirings
+        candidates, self.wiring = (*wirings, *candidates), wiring
         self.same = same_causes(fitter.problem.prior, candidates, self.progress.tick)
-        self.given = given & set(self.same)
+        self.given = (given | set(wirings[:1])) & set(self.same)
         self._use(fitter, frequent_first(self.same))
         self.current = fitter.base()
         self._visited: dict[Key, float] = {}  # with what was left of each

@@ -9,6 +9,7 @@ from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
+from sklearn_pgnn.physics.effects.wiring import WIRINGS
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.shown_states import shown_states
@@ -72,7 +73,8 @@ class Case:
 
 def known_effects(diagnosis) -> dict:
     """Return the effects that a diagnosis may name, by id."""
-    return {effect.id: effect for effect in (*CATALOGUE, *read_catalogue(diagnosis.catalogue))}
+    kinds = (*CATALOGUE, *WIRINGS, *read_catalogue(diagnosis.catalogue))
+    return {effect.id: effect for effect in kinds}
 
 
 def make_case(diagnosis, cause) -> Case:

@@ -145,7 +145,10 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
     timed = list(zip(signal.pieces, signal.times, strict=True))
     if len(timed) < 2 or not all(looks_like_noise([y], [t]) for y, t in timed):
         return None
-    levels = np.array([noise_level(*piece) for piece in timed])
+    if signal.resolution > signal.noise:  # then the steps are seen, and not the noise
+        return None
+    rounding = signal.resolution / np.sqrt(12)
+    levels = np.array([max(noise_level(*piece), rounding) for piece in timed])
     errors = np.array([_noise_error(*piece) for piece in timed])
     low, high = int(np.argmin(levels)), int(np.argmax(levels))
     error = np.hypot(errors[low], errors[high])

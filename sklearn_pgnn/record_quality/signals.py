@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.limits import BLOCK, COARSE, FINE, MOST, NOISE_LIKE, TWICE
+from sklearn_pgnn.trajectories.grid import step_of
 from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level
 
@@ -40,6 +40,12 @@ class Signal:
         return np.concatenate(self.pieces)
 
     @cached_property
+    def one_by_one(self) -> list["Signal"]:
+        """The same of every record alone: one may be noisy, and another count in steps."""
+        each = zip(self.pieces, self.times, self.records, strict=True)
+        return [Signal(self.name, self.unit, [y], [t], [record]) for y, t, record in each]
+
+    @cached_property
     def noise(self) -> float:
         """Standard deviation of its white noise, in the records in which it changes if any."""
         pairs = list(zip(self.is_still, self._timed, strict=True))
@@ -66,9 +72,10 @@ class Signal:
 
         A thermistor's steps are uneven, and an encoder's are lost in the decimals that it was
         written with, or beside those of another record's encoder. Noise that brings nearly every
-        value back after it was left shows that there are no others in between.
+        value back after it was left shows that there are no others in between, and so do values
+        that repeat while all others are about multiples of a step away.
         """
-        return max(grid_step(self.values), self._step_between_visits() if self.noisy else 0.0)
+        return max(step_of(self.pieces), self._step_between_visits() if self.noisy else 0.0)
 
     def _step_between_visits(self) -> float:
         """Return the usual step to the next value if a value is usually visited again; else 0."""
