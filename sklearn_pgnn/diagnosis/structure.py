@@ -90,7 +90,7 @@ def find_structure(
     trial: FittedHypothesis,
     alpha: float,
     smallest_share: float,
-    each_step: Callable[[], object] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> Structure:
     """Look for a law without a name that predicts what a hypothesis leaves, at every place.
 
@@ -111,7 +111,7 @@ def share_of_laws(
     problem: EstimationProblem,
     trial: FittedHypothesis,
     names: Sequence[str],
-    each_step: Callable[[], object] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> float:
     """Return the largest share of what a hypothesis leaves that a law at some places predicts.
 
@@ -128,7 +128,7 @@ def _places(
     problem: EstimationProblem,
     trial: FittedHypothesis,
     names: Sequence[str],
-    each_step: Callable[[], object] | None,
+    each_step: Callable[[], bool | None] | None,
     timed: bool = True,
 ) -> Iterator["_Place"]:
     """Yield the places where the hidden input can be found."""
