@@ -153,7 +153,7 @@ def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
     found = {s: v for s, v in start.items() if s not in {*problem.states.told[0], *model.settled}}
     return model.replace(
         initial_state={**model.initial_state, **found},
-        simulation={"hold": windows.hold, "substeps": windows.substeps},
+        simulation={"hold": windows.hold, **windows.steps.settings},
     )
 
 

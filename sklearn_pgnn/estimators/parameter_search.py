@@ -6,17 +6,19 @@ global search takes, on some of the windows, the error that the best initial sta
 parameters' bounds by differential evolution, and fits locally from the best members.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import differential_evolution
 from sklearn.utils import check_random_state
 
 from sklearn_pgnn.estimators.progress import PrintLine, silence
+from sklearn_pgnn.estimators.steps_of_fit import steps_for_fit, with_steps
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import WindowedRecords
+from sklearn_pgnn.simulation.substeps import IMPLICIT
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
@@ -32,8 +34,8 @@ POPULATION, GENERATIONS, FOLLOWED = 15, 40, 4
 WORST = 700.0
 #: spread of a known initial state, as a share of an unknown one's
 HELD = 1e-10
-#: refits with the hidden states simulated anew
-ROUNDS = 3
+#: refits with the hidden states simulated anew, and in other steps
+ROUNDS, REFINED = 3, 8
 
 
 @dataclass(frozen=True)
@@ -48,11 +50,14 @@ class ParameterFit:
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
         Their uncertainty.
+    windowed : WindowedRecords
+        The windows, in the steps of the fit.
     """
 
     fit: WindowFit
     expected: np.ndarray
     spread: np.ndarray
+    windowed: WindowedRecords
 
 
 def find_parameters(
@@ -151,24 +156,18 @@ def find_in_free_run(
 def fit_locally(
     model: PhysicsModel, windowed: WindowedRecords, free, tolerance=1e-9
 ) -> ParameterFit:
-    """Follow the gradient to the nearest minimum on all windows.
+    """Follow the gradient to the nearest minimum on all windows, in steps that do not matter."""
+    found = _fit_in_steps(model, windowed, free, tolerance)
+    for _ in range(REFINED):
+        steps = steps_for_fit(found.windowed, found.fit, found.expected, found.spread)
+        if steps == found.windowed.windows.steps:
+            break
+        finer = with_steps(found.windowed, steps)
+        found = _fit_in_steps(found.fit.model, finer, free, tolerance)
+    return found
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model; its values are the start.
-    windowed : WindowedRecords
-        The windows.
-    free : tuple of ParameterPrior
-        The parameters to fit.
-    tolerance : float, default=1e-9
-        Relative decrease of the objective at which the fit ends.
 
-    Returns
-    -------
-    ParameterFit
-        The fit.
-    """
+def _fit_in_steps(model: PhysicsModel, windowed: WindowedRecords, free, tolerance) -> ParameterFit:
     x0_start, starts = None, windowed.windows.starts
     for _ in range(ROUNDS):
         estimate = windowed.states.estimate(model)
@@ -180,7 +179,7 @@ def fit_locally(
         if set(model.states) <= set(windowed.states.known) or not np.isfinite(fit.objective):
             break
         model, x0_start = fit.model, fit.x0
-    return ParameterFit(fit, expected, spread)
+    return ParameterFit(fit, expected, spread, windowed)
 
 
 def _where_told(windowed: WindowedRecords, expected, spread):
@@ -256,7 +255,10 @@ def search_globally(
     )
     order = np.argsort(result.population_energies)[:FOLLOWED]
     found = [at(result.population[k]) for k in order]
+    stable = replace(windows, method=IMPLICIT)
     fits = [fit_windows(each, windows, free, expected, estimate.spread) for each in found]
+    if not any(fit.usable for fit in fits):
+        fits = [fit_windows(each, stable, free, expected, estimate.spread) for each in found]
     return min(fits, key=lambda each: each.objective).model
 
 
@@ -268,6 +270,8 @@ def _generator(random_state) -> np.random.Generator:
 def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spread) -> float:
     """Return the squared error at the best initial states, to first order about the expected."""
     gram = evaluate(model, windows, expected, ()).gram
+    if not np.isfinite(gram).all() and windows.method != IMPLICIT:  # the model may be a fast one
+        gram = evaluate(model, replace(windows, method=IMPLICIT), expected, ()).gram
     if not np.isfinite(gram).all():
         return np.inf
     step = project(gram, 0, 1.0 / spread**2, np.zeros_like(expected)).state_step

@@ -27,7 +27,6 @@ from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
-    WindowedRecords,
     median_window_length,
     output_noise,
     window_records,
@@ -124,7 +123,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     hold_ : {"zoh", "foh"}
         How the inputs were assumed to vary between samples.
     substeps_ : int
-        Integration steps for the sample interval of `fit`; longer steps take as many more.
+        Integration steps for the sample interval of `fit`; longer intervals take more.
+    method_ : {"rk4", "rosenbrock"}
+        Scheme of a step: the second for models too fast for the first.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -216,13 +217,15 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         warn_of_contradicted_states(self.model, records)
         warn_of_constant_outputs(self.model, records, noise_is_told=told is not None)
         pieces = without_gaps(records, self.window_length)
-        windowed, found = self._find(pieces, names)
-        windows = windowed.windows
-        self.hold_, self.substeps_ = windows.hold, windows.substeps
-        said = {"hold": self.hold_, "substeps": self.substeps_}
+        found = self._find(pieces, names)
+        windows = found.windowed.windows
+        self.hold_, self.substeps_, self.method_ = windows.hold, windows.substeps, windows.method
+        said = {"hold": self.hold_, **windows.steps.settings}
         self.model_ = found.fit.model.replace(simulation=said)
         limits = limits_of(np.concatenate([record.y for record in records]))
-        self._simulated = (usual_step(records), self.substeps_, limits, self.hold_)
+        self._simulated = (
+            usual_step(records), self.substeps_, limits, self.hold_, self.method_,
+        )  # fmt: skip
         self._keep_estimates(found)
         _warn_of_ends(found.fit.freedoms, self.model_)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
@@ -407,7 +410,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self._left = np.sort(np.abs(left) / np.sqrt(self._variance(records)), axis=0)
 
     @one_thread_each()
-    def _find(self, records, names) -> tuple[WindowedRecords, ParameterFit]:
+    def _find(self, records, names) -> ParameterFit:
         """Cut the records into windows and fit the parameters."""
         options = {
             "noise_std": self.noise_std,
@@ -424,9 +427,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             f"{windows.substeps} substeps; free: {', '.join(names) or 'none'}"
         )
         if self.window_length != WHOLE:
-            return windowed, find_parameters(self.model, windowed, names, *search)
+            return find_parameters(self.model, windowed, names, *search)
         short = window_records(self.model, records, **options)
-        return windowed, find_in_free_run(self.model, short, windowed, names, *search)
+        return find_in_free_run(self.model, short, windowed, names, *search)
 
     def _free_names(self) -> tuple[str, ...]:
         if isinstance(self.free, str):

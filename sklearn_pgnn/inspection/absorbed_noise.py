@@ -74,7 +74,7 @@ def absorbed_autocorrelation(
             windows.t[rows],
             acting[rows],
             begun[w],
-            substeps=windows.substeps,
+            **windows.steps._asdict(),
             hold=windows.hold,
             wrt=(),
         )

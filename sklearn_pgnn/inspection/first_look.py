@@ -306,7 +306,7 @@ def _simulated(model, records, windows, second=1.0) -> np.ndarray:
             model,
             replace(record, t=second * record.t),
             hold=windows.hold,
-            substeps=windows.substeps,
+            **windows.steps._asdict(),
         )
         for record in records
     ]

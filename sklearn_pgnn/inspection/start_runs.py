@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
+from sklearn_pgnn.simulation.free_run import simulate_record, steps_for
 from sklearn_pgnn.simulation.record_windows import WindowedRecords, window_records
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
@@ -31,8 +31,8 @@ def run_records(model: PhysicsModel, records) -> list[Simulation]:
     """
     if all(record.y is not None for record in records):
         return run_from_starts(model, window_records(model, records))
-    substeps = substeps_for(model, records)
-    return [simulate_record(model, record, substeps=substeps) for record in records]
+    steps = steps_for(model, records)._asdict()
+    return [simulate_record(model, record, **steps) for record in records]
 
 
 def run_from_starts(model: PhysicsModel, windowed: WindowedRecords) -> list[Simulation]:

@@ -124,7 +124,7 @@ class PhysicsModel:
         check_keys("energy", self.energy, ENERGY_PARTS)
         check_keys("delays", self.delays, inputs)
         check_keys("initial_state", self.initial_state, states)
-        check_keys("simulation", self.simulation, ("hold", "substeps"))
+        check_keys("simulation", self.simulation, ("hold", "substeps", "method"))
         check_settled(self.settled, states, inputs)
         outputs = as_mapping("outputs", self.outputs or {name: name for name in states})
         for output in outputs:
