@@ -77,6 +77,17 @@ class ModelWarning(UserWarning):
     """
 
 
+class FitWarning(UserWarning):
+    """A fit has ended with a reservation; the message states it and the remedy.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", FitWarning)  # what is not determined ends a script
+    """
+
+
 class UnitWarning(UserWarning):
     """The units of an equation in a model file are inconsistent; the message names the term.
 

@@ -1,5 +1,7 @@
 """A physical model whose parameters are fitted to records."""
 
+from dataclasses import replace
+
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
@@ -11,9 +13,10 @@ from sklearn_pgnn.estimators.parameter_search import (
     find_in_free_run,
     find_parameters,
 )
+from sklearn_pgnn.estimators.profile import Profile
 from sklearn_pgnn.estimators.progress import progress_printer
-from sklearn_pgnn.estimators.usual_start import with_usual_start
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.estimators.usual_start import free_run_error, with_usual_start
+from sklearn_pgnn.exceptions import FitWarning, OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns
@@ -34,6 +37,7 @@ from sklearn_pgnn.simulation.record_windows import (
 )
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
+    Estimate,
     estimate_of,
     parameter_covariance,
     standard_errors,
@@ -58,6 +62,11 @@ from sklearn_pgnn.trajectories.validation import (
     validate_table,
 )
 from sklearn_pgnn.user_line import warn_user
+
+#: squares of a free run, as a multiple of those before, from which on a fit has made it worse
+WORSE = 1.1
+#: what a fit to windows can do about it
+FREE_RUN = 'minimise the error of the free run (window_length="trajectory", option --free-run), '
 
 
 class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -113,7 +122,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         its free-run error notably.
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
-        residuals are not white; it is as wide as the bounds where the records carry no information.
+        residuals are not white; it reaches to the bound on a side on which the records carry no
+        information.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         Fitted state at the start of every trajectory, in the order of their first rows.
     window_ : float
@@ -194,8 +204,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Returns
         -------
         self : PhysicsModelRegressor
-            The fitted regressor. A warning names parameters that the records do not determine;
-            another one tells where trajectories begin elsewhere than predictions do.
+            The fitted regressor. A `FitWarning` names parameters that the records do not determine,
+            another one says where the free run has become worse; and it is told where trajectories
+            begin elsewhere than predictions do.
 
         Raises
         ------
@@ -241,6 +252,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._told = told_in_all(records)
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
+        self._warn_of_worse(records)
         return self
 
     def predict(self, X):
@@ -460,21 +472,69 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         errors = standard_errors(found.fit, found.expected, found.spread)
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
         loose = [name for name, error in errors.items() if self._is_loose(name, error)]
-        if loose:
-            warn_user(
-                f"the records do not determine {', '.join(loose)}: other values fit equally well. "
-                f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine "
-                f"more richly."
-            )
+        for name in loose:
+            if np.isfinite(errors[name]):
+                low, high = Profile(found, name).interval()
+                self.parameters_[name] = replace(self.parameters_[name], low=low, high=high)
+        _warn_of_loose(self.parameters_, [name for name in loose if self._is_wide(name)])
 
     def _is_loose(self, name: str, error: float) -> bool:
         """Return whether a parameter's interval is wider than the parameter is large."""
+        return not np.isfinite(error) or NORMAL_95 * error > self._size(name)
+
+    def _is_wide(self, name: str) -> bool:
+        """Return whether an interval reaches to a bound, or is wider than the parameter is large."""
+        found, bounds = self.parameters_[name], self.model_.parameters[name].bounds
+        is_open = found.low == bounds[0] or found.high == bounds[1]
+        return is_open or found.high - found.low > 2 * self._size(name)
+
+    def _size(self, name: str) -> float:
         prior = abs(self.model.parameters[name].value)
-        size = max(prior, abs(self.model_.parameters[name].value)) if prior else np.inf
-        return not np.isfinite(error) or NORMAL_95 * error > size
+        return max(prior, abs(self.model_.parameters[name].value)) if prior else np.inf
+
+    def _warn_of_worse(self, records) -> None:
+        """Warn where the given values are nearer to the records in free run than the fitted ones."""
+        given = self.model.replace(initial_state=self.model_.initial_state)
+        before, after = (
+            free_run_error(each, records, self._runs, self.noise_) for each in (given, self.model_)
+        )
+        if not after > WORSE * before:
+            return
+        count = max(1, sum(int(np.isfinite(record.y).sum()) for record in records))
+        own = "" if self.window_length == WHOLE else FREE_RUN
+        warn_user(
+            f"in free run the fitted model is further from the records than the given one: the "
+            f"error is {np.sqrt(after / count):.4g} times the noise, before "
+            f"{np.sqrt(before / count):.4g}. Remedy: {own}give values nearer to the truth, or "
+            f"narrower bounds; if no value fits, physics is missing: ModelDiagnosis(model) looks "
+            f"for it.",
+            FitWarning,
+        )
 
     def __sklearn_tags__(self):
         return tags_of_records(super().__sklearn_tags__())
+
+
+def _warn_of_loose(found: dict[str, Estimate], loose: list[str]) -> None:
+    """Warn of parameters that the records do not determine, and say where they may lie."""
+    if not loose:
+        return
+    said = [_range(name, found[name]) for name in loose if np.isfinite([*_ends(found[name])]).any()]
+    where = f" ({', '.join(said)})" if said else ""
+    warn_user(
+        f"the records do not determine {', '.join(loose)}: other values fit equally well{where}. "
+        f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine more "
+        f"richly.",
+        FitWarning,
+    )
+
+
+def _ends(found: Estimate) -> tuple[float, float]:
+    return found.low, found.high
+
+
+def _range(name: str, found: Estimate) -> str:
+    return f"{name} from {found.low:.3g} to {found.high:.3g} {found.unit}".rstrip()
 
 
 def _warn_of_ends(freedoms, model) -> None:
@@ -489,5 +549,6 @@ def _warn_of_ends(freedoms, model) -> None:
         warn_user(
             f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger spread "
             f"in the model, or within_spread=False; if they compensate for missing physics, "
-            f"ModelDiagnosis(model) looks for it."
+            f"ModelDiagnosis(model) looks for it.",
+            FitWarning,
         )

@@ -11,27 +11,15 @@ from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
 
 
-def run_records(model: PhysicsModel, records) -> list[Simulation]:
-    """Simulate every record in free run.
+def run_records(model: PhysicsModel, records, **options) -> list[Simulation]:
+    """Simulate every record in free run, with the hold and the substeps given, if any.
 
     The initial states are those given in the record, else those shown by its outputs, else the
     model's initial state.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        Time, inputs, known initial states, and the outputs where they are measured.
-
-    Returns
-    -------
-    list of Simulation
-        States and outputs of every record.
     """
     if all(record.y is not None for record in records):
-        return run_from_starts(model, window_records(model, records))
-    steps = steps_for(model, records)._asdict()
+        return run_from_starts(model, window_records(model, records, **options))
+    steps = steps_for(model, records, **options)._asdict()
     return [simulate_record(model, record, **steps) for record in records]
 
 
