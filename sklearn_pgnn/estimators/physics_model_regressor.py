@@ -65,6 +65,8 @@ from sklearn_pgnn.user_line import warn_user
 
 #: squares of a free run, as a multiple of those before, from which on a fit has made it worse
 WORSE = 1.1
+#: half-width of an interval, as a share of the value, from which on a standard error tells too little
+HARDLY = 0.5
 #: what a fit to windows can do about it
 FREE_RUN = 'minimise the error of the free run (window_length="trajectory", option --free-run), '
 
@@ -471,26 +473,22 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def _keep_estimates(self, found: ParameterFit) -> None:
         errors = standard_errors(found.fit, found.expected, found.spread)
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
-        loose = [name for name, error in errors.items() if self._is_loose(name, error)]
-        for name in loose:
-            if np.isfinite(errors[name]):
-                low, high = Profile(found, name).interval()
+        loose = [name for name, error in errors.items() if not np.isfinite(error)]
+        for name, error in errors.items():
+            value = abs(self.model_.parameters[name].value)
+            if np.isfinite(error) and NORMAL_95 * error > HARDLY * value > 0:
+                low, high = Profile(found, name, error).interval()
                 self.parameters_[name] = replace(self.parameters_[name], low=low, high=high)
-        _warn_of_loose(self.parameters_, [name for name in loose if self._is_wide(name)])
-
-    def _is_loose(self, name: str, error: float) -> bool:
-        """Return whether a parameter's interval is wider than the parameter is large."""
-        return not np.isfinite(error) or NORMAL_95 * error > self._size(name)
+                loose += [name] if self._is_wide(name) else []
+        _warn_of_loose(self.parameters_, loose)
 
     def _is_wide(self, name: str) -> bool:
-        """Return whether an interval reaches to a bound, or is wider than the parameter is large."""
-        found, bounds = self.parameters_[name], self.model_.parameters[name].bounds
-        is_open = found.low == bounds[0] or found.high == bounds[1]
-        return is_open or found.high - found.low > 2 * self._size(name)
-
-    def _size(self, name: str) -> float:
-        prior = abs(self.model.parameters[name].value)
-        return max(prior, abs(self.model_.parameters[name].value)) if prior else np.inf
+        """Return whether an interval is open, or reaches further than the parameter is large."""
+        found, prior = self.parameters_[name], abs(self.model.parameters[name].value)
+        size = max(prior, abs(found.value)) if prior else np.inf
+        low, high = self.model_.parameters[name].bounds
+        is_open = found.high == high or found.low == low > 0
+        return is_open or found.high - found.low > 2 * size
 
     def _warn_of_worse(self, records) -> None:
         """Warn where the given values are nearer to the records in free run than the fitted ones."""

@@ -5,7 +5,8 @@ a time constant much shorter than a sample, it says nothing; the interval is the
 
 .. math:: \{\theta : \min_{\text{others}} F(\theta) - F_{\min} \le 3.84\, d\}
 
-with the objective :math:`F` and the residuals' power :math:`d` in units of the noise, at least 1.
+with the objective :math:`F` and the factor :math:`d`, at least 1, by which residuals that are not
+white raise the variance of the parameter.
 """
 
 from dataclasses import replace
@@ -15,6 +16,7 @@ import numpy as np
 from sklearn_pgnn.estimators.parameter_search import ParameterFit
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.substeps import IMPLICIT
+from sklearn_pgnn.simulation.uncertainty import curvatures
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 
 #: rise of the objective at the ends of a 95 % interval
@@ -29,16 +31,15 @@ class Profile:
     Steps are stable whatever the value is.
     """
 
-    def __init__(self, found: ParameterFit, name: str):
+    def __init__(self, found: ParameterFit, name: str, error: float):
         self.found, self.name = found, name
         windows = found.windowed.windows
         self.windows = replace(windows, method=IMPLICIT, substeps=2 * windows.substeps)
         self.freedom = next(each for each in found.fit.freedoms if each.name == name)
         self.start = found.fit.model.parameters[name].value
-        here = self._fit(found.fit.model, self.start)
-        measured = np.isfinite(windows.y[windows.rows]).sum()
-        power = here.squares / max(1, measured - len(found.fit.freedoms))
-        self.here, self.limit = here, here.objective + RISE * max(1.0, power)
+        self.here = self._fit(found.fit.model, self.start)
+        curvature = curvatures(found.fit, found.expected, found.spread)[name]
+        self.limit = self.here.objective + RISE * max(1.0, error**2 * curvature)
 
     def _fit(self, model: PhysicsModel, value: float) -> WindowFit:
         others = tuple(each for each in self.found.fit.freedoms if each.name != self.name)

@@ -18,6 +18,8 @@ from sklearn_pgnn.user_line import warn_user
 EXPLICIT = "rk4"
 #: most steps that are tried
 MAX_SUBSTEPS = 32
+#: and most implicit ones, where fewer diverge
+MOST_IMPLICIT = 16 * MAX_SUBSTEPS
 #: largest eigenvalue times step at which explicit steps are taken; they are unstable from 2.78 on
 STABLE = 2.0
 
@@ -95,11 +97,16 @@ def enough_steps(
 def _double(run, change, steps: Steps) -> tuple[Steps, float]:
     """Double the steps until they are enough, and return the last change with them."""
     coarse, changed = run(steps), math.nan
-    while steps.substeps < MAX_SUBSTEPS or math.isnan(changed):
+    while True:
         double = Steps(steps.method, 2 * steps.substeps)
         finer = run(double)
         changed = change(coarse, finer)
-        if changed < 1.0 or steps.substeps >= MAX_SUBSTEPS:
-            break
+        if changed < 1.0 or double.substeps > _most(steps, changed):
+            return steps, changed
         steps, coarse = double, finer
-    return steps, changed
+
+
+def _most(steps: Steps, changed: float) -> int:
+    """Return how many steps to try: more implicit ones where fewer diverge, as in fast layers."""
+    diverges = steps.method == IMPLICIT and not math.isfinite(changed)
+    return MOST_IMPLICIT if diverges else MAX_SUBSTEPS
