@@ -53,7 +53,9 @@ class FitJob:
         said = self.regressor.hold, self.regressor.substeps
         told = dict(zip(("hold", "substeps"), said, strict=True))
         self.fits = {
-            which: fit_percentage(y, np.concatenate([r.y for r in run_records(model, records, **told)]))
+            which: fit_percentage(
+                y, np.concatenate([r.y for r in run_records(model, records, **told)])
+            )
             for which, model in (("as given", self.prior), ("fitted", self.regressor.model_))
         }
 

@@ -65,7 +65,7 @@ from sklearn_pgnn.user_line import warn_user
 
 #: squares of a free run, as a multiple of those before, from which on a fit has made it worse
 WORSE = 1.1
-#: half-width of an interval, as a share of the value, from which on a standard error tells too little
+#: half-width of an interval, as a share of the value, from which on its profile is looked at
 HARDLY = 0.5
 #: what a fit to windows can do about it
 FREE_RUN = 'minimise the error of the free run (window_length="trajectory", option --free-run), '
@@ -232,13 +232,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         pieces = without_gaps(records, self.window_length)
         found = self._find(pieces, names)
         windows = found.windowed.windows
-        self.hold_, self.substeps_, self.method_ = windows.hold, windows.substeps, windows.method
-        said = {"hold": self.hold_, **windows.steps.settings}
-        self.model_ = found.fit.model.replace(simulation=said)
-        limits = limits_of(np.concatenate([record.y for record in records]))
-        self._simulated = (
-            usual_step(records), self.substeps_, limits, self.hold_, self.method_,
-        )  # fmt: skip
+        self._keep_model(found, records)
         self._keep_estimates(found)
         _warn_of_ends(found.fit.freedoms, self.model_)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
@@ -470,6 +464,16 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
         return tuple(name for name in names if name not in still)
 
+    def _keep_model(self, found: ParameterFit, records) -> None:
+        """Keep the fitted model, and how it is simulated."""
+        windows = found.windowed.windows
+        self.hold_, self.substeps_, self.method_ = windows.hold, windows.substeps, windows.method
+        said = {"hold": self.hold_, **windows.steps.settings}
+        self.model_ = found.fit.model.replace(simulation=said)
+        limits = limits_of(np.concatenate([record.y for record in records]))
+        interval = usual_step(records)
+        self._simulated = (interval, self.substeps_, limits, self.hold_, self.method_)
+
     def _keep_estimates(self, found: ParameterFit) -> None:
         errors = standard_errors(found.fit, found.expected, found.spread)
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
@@ -483,7 +487,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         _warn_of_loose(self.parameters_, loose)
 
     def _is_wide(self, name: str) -> bool:
-        """Return whether an interval is open, or reaches further than the parameter is large."""
+        """Return whether an interval is open, or wider than the parameter is large."""
         found, prior = self.parameters_[name], abs(self.model.parameters[name].value)
         size = max(prior, abs(found.value)) if prior else np.inf
         low, high = self.model_.parameters[name].bounds
@@ -491,7 +495,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return is_open or found.high - found.low > 2 * size
 
     def _warn_of_worse(self, records) -> None:
-        """Warn where the given values are nearer to the records in free run than the fitted ones."""
+        """Warn where the given values are nearer to the records in free run than fitted ones."""
         given = self.model.replace(initial_state=self.model_.initial_state)
         before, after = (
             free_run_error(each, records, self._runs, self.noise_) for each in (given, self.model_)

@@ -345,7 +345,14 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         steps = Steps("euler") if self.discrete else self._enough_steps(records)
         self.substeps_ = steps.substeps
         limits = limits_of(np.concatenate([record.y for record in records]))
-        self._simulated = (states.interval, self.substeps_, limits, self.hold_, steps.method, REMEDY)
+        self._simulated = (
+            states.interval,
+            self.substeps_,
+            limits,
+            self.hold_,
+            steps.method,
+            REMEDY,
+        )
         told = {"substeps": 1} if self.discrete else steps.settings
         said = {"hold": self.hold_, **told}
         self.model_ = self.model_.replace(simulation=said)

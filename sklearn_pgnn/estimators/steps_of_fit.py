@@ -1,8 +1,8 @@
 r"""Whether a fit depends on its integration steps, and in which it does not.
 
-A fit moves the eigenvalues of the model. At the limit of stability of explicit steps its error rises
-like a wall, and the curvature of the wall would pass for information. With steps that are too long
-the optimum is off. So at the optimum the steps are looked at again:
+A fit moves the eigenvalues of the model. At the limit of stability of explicit steps its error
+rises like a wall, and the curvature of the wall would pass for information. With steps that are too
+long the optimum is off. So at the optimum the steps are looked at again:
 
 .. math:: |\lambda| h \le 2 \qquad\text{and}\qquad
           |H_{1/2}^{-1} (g_{1/2} - g_1)|_i \le \tfrac{1}{10} \sigma_i,

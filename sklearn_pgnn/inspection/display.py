@@ -214,9 +214,7 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
     chosen = records[record]
     models = {"prior": diagnosis.model, "extended": diagnosis.extended_model_}
     simulated = {
-        which: simulate_records(
-            model, (chosen,), hold=diagnosis.hold_, substeps=diagnosis.substeps_
-        )
+        which: simulate_records(model, (chosen,), **diagnosis.extended_model_.simulation)
         for which, model in models.items()
     }
     title = f"{called(chosen.name, record, len(records))}, free run"

@@ -30,6 +30,8 @@ OTHERS = {
 }
 #: how near to such a factor a scale must be, and the share of the power that it must then explain
 NEAR, TELLING = 1.3, 0.5
+#: a simulation that is larger than what was measured by more than any prefix has run away
+SMALLEST = 1e-9
 #: how near it is where the model follows so badly that there is no such share
 ROUGHLY = 5.0
 
@@ -290,6 +292,8 @@ def _odd(model, records, windows, outputs) -> list[str]:
             f'the model file, columns: {{t: "{title} [{unit}]"}}; else check units and values.'
         ]
     y, simulated, said = windows.y, _simulated(model, records, windows), []
+    if not np.isfinite(simulated).all():
+        return []  # what diverges tells neither signs nor units, and is told as such
     for i, output in enumerate(outputs):
         seen = np.isfinite(y[:, i]) & np.isfinite(simulated[:, i])
         if seen.any():
@@ -330,8 +334,9 @@ def _tells(fit: np.ndarray) -> np.ndarray:
 def _scale(y, simulated) -> tuple[float, float]:
     """Return the best scale factor of a simulation, and the share of power it then explains."""
     y, simulated = y - y.mean(), simulated - simulated.mean()
-    power, both = float(simulated @ simulated), float(simulated @ y)
-    if not (0 < power < math.inf and y.any()):
+    with np.errstate(over="ignore"):
+        power, both = float(simulated @ simulated), float(simulated @ y)
+    if not (0 < power < math.inf and y.any() and abs(both) > SMALLEST * power):
         return 1.0, 0.0
     return both / power, both**2 / (power * float(y @ y))
 

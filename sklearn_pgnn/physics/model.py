@@ -80,8 +80,9 @@ class PhysicsModel:
         quantity's own name.
     simulation : mapping, default={}
         How the model is to be simulated: ``hold`` (``"zoh"`` or ``"foh"``, whether inputs are
-        held or linearly interpolated between samples) and ``substeps``, the number of integration
-        steps per sample interval.
+        held or linearly interpolated between samples), ``substeps``, the number of integration
+        steps per sample interval, and their ``method`` (``"rk4"``, or ``"rosenbrock"`` for stiff
+        models).
 
     Raises
     ------

@@ -70,9 +70,7 @@ def check_steps(steps) -> None:
         raise OptionError(f"steps: expected an integer >= 1, got {steps!r}.")
 
 
-def model_machine(
-    model: PhysicsModel, record, *, method: str | None = None, **options
-) -> Machine:
+def model_machine(model: PhysicsModel, record, *, method: str | None = None, **options) -> Machine:
     """Return a model as a `Machine` along a record.
 
     Parameters

@@ -29,8 +29,14 @@ from llvmlite import ir
 from numba.core import cgutils
 
 from sklearn_pgnn.simulation.lanes import LANES
-from sklearn_pgnn.simulation.linearly_implicit import COUPLING, DIAGONAL, NODES, STAGES, WEIGHTS
-from sklearn_pgnn.simulation.linearly_implicit import Elimination
+from sklearn_pgnn.simulation.linearly_implicit import (
+    COUPLING,
+    DIAGONAL,
+    NODES,
+    STAGES,
+    WEIGHTS,
+    Elimination,
+)
 from sklearn_pgnn.simulation.source import Source
 from sklearn_pgnn.simulation.straight_line import FLOAT, INT, Assignments, emit_entries
 

@@ -67,8 +67,8 @@ def simulate_sets(
     Returns
     -------
     ndarray of shape (n_sets, n_samples, n_outputs)
-        The outputs, identical to the last bit to single simulations in the same steps; NaN from where a simulation
-        became non-finite, which a `SimulationWarning` reports.
+        The outputs, identical to the last bit to single simulations in the same steps; NaN from
+        where a simulation became non-finite, which a `SimulationWarning` reports.
 
     Raises
     ------

@@ -143,15 +143,17 @@ def simulate(
     if unknown:
         raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
     acting = delayed_inputs(model, t, u, hold == "foh")
-    if told is None:
-        tried = _tried(model, t, acting, x0, hold, Steps())
-        if tried.success and speed_of(model, [tried], [acting], SLOW) <= SLOW:
-            if wrt is None:
-                return tried
-            told = Steps()
-    steps = told or steps_of_runs(
-        model, lambda steps: [_tried(model, t, acting, x0, hold, steps)], [acting]
-    )
+    if told is not None:
+        return simulate_acting(model, t, acting, x0, *told, hold, wrt)
+    tried = _tried(model, t, acting, x0, hold, Steps())
+    is_slow = tried.success and speed_of(model, [tried], [acting], SLOW) <= SLOW
+    if is_slow and wrt is None:
+        return tried
+
+    def run(steps: Steps) -> list[Simulation]:
+        return [_tried(model, t, acting, x0, hold, steps)]
+
+    steps = Steps() if is_slow else steps_of_runs(model, run, [acting])
     return simulate_acting(model, t, acting, x0, *steps, hold, wrt)
 
 

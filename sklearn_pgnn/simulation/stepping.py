@@ -254,7 +254,7 @@ def to_next_sample(
     """Advance from sample k to sample k + 1 in equal steps, no longer than usual ones."""
     width, count = t[k + 1] - t[k], substeps
     if width > LONG * usual:
-        count *= int(math.ceil(min(width / usual, MOST_SAMPLES) - 0.5))
+        count *= math.ceil(min(width / usual, MOST_SAMPLES) - 0.5)
     h = width / count
     if not (linear_hold or any_dry):
         for step in range(count):

@@ -1,9 +1,9 @@
-"""How a model goes from sample to sample: by which scheme, and in how many steps.
+r"""How a model goes from sample to sample: by which scheme, and in how many steps.
 
-Explicit steps are stable only where :math:`|\\lambda| h` is below some 2.8 for every eigenvalue
-:math:`\\lambda` of the Jacobian. A simulation beyond that says nothing of the model. So the steps are
-chosen from the eigenvalues, which need no simulation that works already, and doubled until the result
-hardly changes; a model that is too fast for that makes linearly implicit steps.
+Explicit steps are stable only where :math:`|\lambda| h` is below some 2.8 for every eigenvalue
+:math:`\lambda` of the Jacobian. A simulation beyond that says nothing of the model. So the
+steps are chosen from the eigenvalues, which need no simulation that works already, and doubled
+until the result hardly changes; a model that is too fast for that makes linearly implicit steps.
 """
 
 import math
