@@ -67,6 +67,8 @@ from sklearn_pgnn.user_line import warn_user
 WORSE = 1.1
 #: half-width of an interval, as a share of the value, from which on its profile is looked at
 HARDLY = 0.5
+#: ratio of its ends from which on an interval that reaches to a bound is open
+FAR = 10.0
 #: what a fit to windows can do about it
 FREE_RUN = 'minimise the error of the free run (window_length="trajectory", option --free-run), '
 
@@ -492,7 +494,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         size = max(prior, abs(found.value)) if prior else np.inf
         low, high = self.model_.parameters[name].bounds
         is_open = found.high == high or found.low == low > 0
-        return is_open or found.high - found.low > 2 * size
+        is_far = not 0 < found.high <= FAR * found.low
+        return (is_open and is_far) or found.high - found.low > 2 * size
 
     def _warn_of_worse(self, records) -> None:
         """Warn where the given values are nearer to the records in free run than fitted ones."""

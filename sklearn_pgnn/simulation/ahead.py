@@ -21,6 +21,7 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of, told_steps
+from sklearn_pgnn.simulation.stepping import usual_interval
 from sklearn_pgnn.simulation.substeps import Steps
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
@@ -92,10 +93,11 @@ def model_machine(model: PhysicsModel, record, *, method: str | None = None, **o
     hold = hold_of(model, options.get("hold"))
     steps = told_steps(model, options.get("substeps"), method) or Steps()
     acting = delayed_inputs(model, record.t, record.u, hold == "foh")
+    usual = usual_interval(record.t)
 
     def run(a, b, x):
         part = slice(a, b + 1)
-        found = simulate_acting(model, record.t[part], acting[part], x, *steps, hold)
+        found = simulate_acting(model, record.t[part], acting[part], x, *steps, hold, usual=usual)
         return found.x, found.y
 
     return Machine(record, np.array(start_of(model, record), dtype=float), run)

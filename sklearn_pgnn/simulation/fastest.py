@@ -40,7 +40,8 @@ def _fill_jacobians(function, t, u, p, X, widths, dry, size, J):
 def fastest(model: PhysicsModel, t, acting, X, usual: float, enough: float = 0.0) -> float:
     r"""Return the largest :math:`|\lambda| h` along a trajectory, in one step for a usual interval.
 
-    A bound of it is returned where that is not above ``enough``.
+    A growth is no reason for stable steps, and does not count. Where ``enough`` is given, all count,
+    and a bound is returned where that is not above it.
 
     Examples
     --------
@@ -85,5 +86,6 @@ def _largest(J: np.ndarray, widths: np.ndarray, enough: float) -> float:
     bound = float(np.max(np.abs(J[seen]).sum(axis=2).max(axis=1) * widths[seen]))
     if bound <= enough:
         return bound
-    values = np.abs(np.linalg.eigvals(J[seen])).max(axis=1)
-    return float(np.max(values * widths[seen]))
+    values = np.linalg.eigvals(J[seen])
+    counts = (values.real <= np.abs(values.imag)) | (enough > 0)
+    return float(np.max(np.where(counts, np.abs(values), 0.0).max(axis=1) * widths[seen]))

@@ -2,7 +2,7 @@ r"""A linearly implicit step: stable however fast a stable model is, and of orde
 
 With :math:`A = \partial f/\partial x` at the step's start, the stages of a Rosenbrock method are
 
-.. math:: (I - \gamma h A)(k_i + g_i) = f\Big(t + c_i h,\; x + h \sum_{j<i} a_{ij} k_j\Big)
+.. math:: (I - \gamma h A)(k_i + g_i) = f\Big(t + c_i h, x + h \sum_{j<i} a_{ij} k_j\Big)
           + g_i, \qquad g_i = \sum_{j<i} \frac{\gamma_{ij}}{\gamma} k_j, \qquad
           x \leftarrow x + h \sum_i b_i k_i.
 

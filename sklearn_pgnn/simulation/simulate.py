@@ -157,7 +157,7 @@ def simulate(
     return simulate_acting(model, t, acting, x0, *steps, hold, wrt)
 
 
-def _tried(model, t, acting, x0, hold, steps) -> Simulation:
+def _tried(model, t, acting, x0, hold, steps: Steps) -> Simulation:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SimulationWarning)
         return simulate_acting(model, t, acting, x0, *steps, hold)
@@ -191,7 +191,15 @@ def steps_of_runs(model: PhysicsModel, run, actings, method=None) -> Steps:
 
 
 def simulate_acting(
-    model: PhysicsModel, t, acting, x0, method="rk4", substeps=1, hold=HOLDS[0], wrt=None
+    model: PhysicsModel,
+    t,
+    acting,
+    x0,
+    method=EXPLICIT,
+    substeps=1,
+    hold=HOLDS[0],
+    wrt=None,
+    usual=None,
 ) -> Simulation:
     """Simulate a model on inputs as they act, its delays applied already.
 
@@ -207,6 +215,8 @@ def simulate_acting(
         Initial state.
     method, substeps, hold, wrt
         See `simulate`.
+    usual : float, optional
+        Usual sample interval [s] of the record that these samples are part of.
 
     Returns
     -------
@@ -231,7 +241,7 @@ def simulate_acting(
         np.array(source.dry),
         substeps,
         source.size,
-        usual_interval(t),
+        usual_interval(t) if usual is None else usual,
         X,
         Y,
         SY,

@@ -64,7 +64,8 @@ def enough_steps(
 
     ``run`` simulates, ``change`` is the difference of two simulations, the coarse one first, as a
     multiple of the tolerance (not finite if one diverges), ``fast`` the largest
-    :math:`|\lambda| h` for one step from sample to sample. A simulation that diverges is reported
+    :math:`|\lambda| h` for one step from sample to sample. Implicit steps are for models with stable
+    dynamics that fast only: they would hide a growth. A simulation that diverges is reported
     elsewhere.
 
     Examples
@@ -80,7 +81,7 @@ def enough_steps(
     if method or least <= MAX_SUBSTEPS:
         first = Steps(method or EXPLICIT, substeps if method else least)
         tried.append(_double(run, change, first))
-    if not method and not (tried and tried[0][1] < 1.0):
+    if not method and fast > STABLE and not (tried and tried[0][1] < 1.0):
         tried.append(_double(run, change, Steps(IMPLICIT, substeps)))
     found, changed = min(tried, key=lambda each: each[1] if math.isfinite(each[1]) else math.inf)
     if 1.0 <= changed < math.inf:

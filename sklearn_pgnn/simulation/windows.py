@@ -108,6 +108,11 @@ class ShootingWindows:
         of_records = [usual_interval(self.t[a:b]) for a, b in pairwise(self.bounds)]
         return np.array(of_records)[self.record]
 
+    def options_in(self, record: int) -> dict[str, object]:
+        """Return how to simulate a part of a record, for `simulate_acting`."""
+        usual = usual_interval(self.t[slice(*self.bounds[record : record + 2])])
+        return {**self.steps._asdict(), "hold": self.hold, "usual": usual}
+
     def select(self, which) -> "ShootingWindows":
         """Return some of the windows.
 
