@@ -40,8 +40,8 @@ def _fill_jacobians(function, t, u, p, X, widths, dry, size, J):
 def fastest(model: PhysicsModel, t, acting, X, usual: float, enough: float = 0.0) -> float:
     r"""Return the largest :math:`|\lambda| h` along a trajectory, in one step for a usual interval.
 
-    A growth is no reason for stable steps, and does not count. Where ``enough`` is given, all count,
-    and a bound is returned where that is not above it.
+    A growth is no reason for stable steps, and does not count. Where ``enough`` is given, all
+    count, and a bound is returned where that is not above it.
 
     Examples
     --------

@@ -11,8 +11,8 @@ whatever :math:`A` is. So the sensitivities take the same steps with the same :m
 
 References
 ----------
-.. [1] J. Rang, L. Angermann, "New Rosenbrock W-methods of order 3 for partial differential algebraic
-   equations of index 1", BIT 45, 2005, :doi:`10.1007/s10543-005-0035-y`.
+.. [1] J. Rang, L. Angermann, "New Rosenbrock W-methods of order 3 for partial differential
+   algebraic equations of index 1", BIT 45, 2005, :doi:`10.1007/s10543-005-0035-y`.
 """
 
 from collections.abc import Callable, Mapping

@@ -64,9 +64,9 @@ def enough_steps(
 
     ``run`` simulates, ``change`` is the difference of two simulations, the coarse one first, as a
     multiple of the tolerance (not finite if one diverges), ``fast`` the largest
-    :math:`|\lambda| h` for one step from sample to sample. Implicit steps are for models with stable
-    dynamics that fast only: they would hide a growth. A simulation that diverges is reported
-    elsewhere.
+    :math:`|\lambda| h` for one step from sample to sample. Implicit steps are for models with
+    stable dynamics that fast only: they would hide a growth. A simulation that diverges is
+    reported elsewhere.
 
     Examples
     --------
