@@ -1,6 +1,7 @@
 """A physical model whose parameters are fitted to records."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
@@ -10,8 +11,8 @@ from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.parameter_search import (
     SEARCHES,
     ParameterFit,
+    find_beside_free_run,
     find_in_free_run,
-    find_parameters,
 )
 from sklearn_pgnn.estimators.profile import Profile
 from sklearn_pgnn.estimators.progress import progress_printer
@@ -437,7 +438,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             f"{windows.substeps} substeps; free: {', '.join(names) or 'none'}"
         )
         if self.window_length != WHOLE:
-            return find_parameters(self.model, windowed, names, *search)
+            whole = partial(window_records, self.model, records, window_length=WHOLE, **options)
+            return find_beside_free_run(self.model, windowed, whole, names, *search)
         short = window_records(self.model, records, **options)
         return find_in_free_run(self.model, short, windowed, names, *search)
 

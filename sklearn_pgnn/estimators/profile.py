@@ -15,7 +15,7 @@ import numpy as np
 
 from sklearn_pgnn.estimators.parameter_search import ParameterFit
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.substeps import IMPLICIT
+from sklearn_pgnn.simulation.substeps import IMPLICIT, MAX_SUBSTEPS
 from sklearn_pgnn.simulation.uncertainty import curvatures
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 
@@ -23,6 +23,8 @@ from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 RISE = 3.84
 #: factor from one value to the next, most of them, and halvings of the last stretch
 FACTOR, MOST, HALVINGS = 3.0, 24, 4
+#: fewest integration steps from sample to sample
+LEAST = 8
 
 
 class Profile:
@@ -34,7 +36,8 @@ class Profile:
     def __init__(self, found: ParameterFit, name: str, error: float):
         self.found, self.name = found, name
         windows = found.windowed.windows
-        self.windows = replace(windows, method=IMPLICIT, substeps=2 * windows.substeps)
+        substeps = min(MAX_SUBSTEPS, max(LEAST, 2 * windows.substeps))
+        self.windows = replace(windows, method=IMPLICIT, substeps=substeps)
         self.freedom = next(each for each in found.fit.freedoms if each.name == name)
         self.start = found.fit.model.parameters[name].value
         self.here = self._fit(found.fit.model, self.start)
