@@ -84,7 +84,9 @@ def enough_steps(
     if not method and fast > STABLE and not (tried and tried[0][1] < 1.0):
         tried.append(_double(run, change, Steps(IMPLICIT, substeps)))
     found, changed = min(tried, key=lambda each: each[1] if math.isfinite(each[1]) else math.inf)
-    if 1.0 <= changed < math.inf:
+    if not math.isfinite(changed):  # by whatever steps
+        return Steps(method or EXPLICIT, max(substeps, MAX_SUBSTEPS))
+    if changed >= 1.0:
         warn_user(
             f"the simulation still changes with {found.substeps} integration steps from sample to "
             f"sample, the largest number tried: the model has dynamics much faster than the "

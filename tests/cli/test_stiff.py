@@ -74,9 +74,9 @@ def test_every_column_of_a_fit_is_in_the_steps_that_are_told(folder, tmp_path):
         words = ("--output", tmp_path / "o.yaml", "--force", "--json", "--quiet", *told)
         said = run("fit", "--model", folder / "start.yaml", *records, *words).stdout
         fits.append(json.loads(said)["fit_percent"])
-    for one, other in zip(*(fit.values() for fit in fits), strict=True):
-        assert one["product"] == pytest.approx(other["product"], abs=0.5)
-    assert fits[0]["fitted"]["product"] > 98
+    as_given, fitted = ([fit[which]["product"] for fit in fits] for which in ("as given", "fitted"))
+    assert as_given[0] == pytest.approx(as_given[1], abs=0.3)
+    assert min(fitted) > 90 > max(as_given)
 
 
 def test_no_sign_is_told_of_a_run_that_diverges(tmp_path):
@@ -86,9 +86,6 @@ def test_no_sign_is_told_of_a_run_that_diverges(tmp_path):
     (tmp_path / "m.yaml").write_text(
         "states: {y: V}\ninputs: {u: V}\nparameters: {a: 15.0}\nequations: {y: a*y + u}\n"
     )
-    said = json.loads(
-        run("check", "--model", tmp_path / "m.yaml", tmp_path / "r.csv", "--json").stdout
-    )
-    assert not [
-        each for each in said["warnings"] if "opposite sign" in each or "times what" in each
-    ]
+    said = run("check", "--model", tmp_path / "m.yaml", tmp_path / "r.csv", "--json").stdout
+    told = json.loads(said)["warnings"]
+    assert not [each for each in told if "opposite sign" in each or "times what" in each]
