@@ -117,7 +117,7 @@ class SimulationError(RuntimeError):
     ...     explosion.simulate([0, 1, 2, 3, 4]).check()
     ... except SimulationError as error:
     ...     print(error)
-    the simulation of 'model' became non-finite at t = 4 s (sample 4; before: ...
+    the simulation of 'model' became non-finite at t = 2 s (sample 2; before: ...
     """
 
 

@@ -64,8 +64,8 @@ from sklearn_pgnn.trajectories.validation import (
 )
 from sklearn_pgnn.user_line import warn_user
 
-#: squares of a free run, as a multiple of those before, from which on a fit has made it worse
-WORSE = 1.1
+#: rise of a free run's squares, as a share of those before and of the noise's, that is told
+WORSE, NOTABLE = 0.1, 0.25
 #: half-width of an interval, as a share of the value, from which on its profile is looked at
 HARDLY = 0.5
 #: ratio of its ends from which on an interval that reaches to a bound is open
@@ -505,9 +505,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         before, after = (
             free_run_error(each, records, self._runs, self.noise_) for each in (given, self.model_)
         )
-        if not after > WORSE * before:
-            return
         count = max(1, sum(int(np.isfinite(record.y).sum()) for record in records))
+        if not after - before > max(WORSE * before, NOTABLE * count):
+            return
         own = "" if self.window_length == WHOLE else FREE_RUN
         warn_user(
             f"in free run the fitted model is further from the records than the given one: the "

@@ -20,6 +20,8 @@ EXPLICIT = "rk4"
 MAX_SUBSTEPS = 32
 #: and most implicit ones, where fewer diverge
 MOST_IMPLICIT = 16 * MAX_SUBSTEPS
+#: change, in tolerances, from which on implicit steps may have gone through a divergence
+ROUGH = 100.0
 #: largest eigenvalue times step at which explicit steps are taken; they are unstable from 2.78 on
 STABLE = 2.0
 
@@ -84,7 +86,8 @@ def enough_steps(
     if not method and fast > STABLE and not (tried and tried[0][1] < 1.0):
         tried.append(_double(run, change, Steps(IMPLICIT, substeps)))
     found, changed = min(tried, key=lambda each: each[1] if math.isfinite(each[1]) else math.inf)
-    if not math.isfinite(changed):  # by whatever steps
+    diverges = not math.isfinite(changed)
+    if diverges or (found.method == IMPLICIT != method and changed > ROUGH):
         return Steps(method or EXPLICIT, max(substeps, MAX_SUBSTEPS))
     if changed >= 1.0:
         warn_user(
