@@ -33,7 +33,7 @@ from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
-from sklearn_pgnn.simulation.record_windows import course, enough_substeps
+from sklearn_pgnn.simulation.record_windows import enough_substeps, speed_in_windows
 from sklearn_pgnn.simulation.substeps import Steps, given_steps
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories.record import Record
@@ -163,8 +163,8 @@ class Investigation:
 
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
         """Return the fitter with integration steps as the prior needs them, stable ones if told."""
-        problem, base, method = fitter.problem, fitter.base().fit, self._method
-        windows, (fast, _) = problem.windows, course(base.model, problem.windows, problem.states)
+        windows, base, method = fitter.problem.windows, fitter.base().fit, self._method
+        fast = speed_in_windows(base.model, windows, base.evaluation)
         if self._steps_are_told:
             steps = given_steps(windows.substeps, method, fast)
         else:

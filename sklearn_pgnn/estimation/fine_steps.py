@@ -5,7 +5,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_substeps
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
-from sklearn_pgnn.simulation.record_windows import course
+from sklearn_pgnn.simulation.record_windows import speed_in_windows
 from sklearn_pgnn.simulation.substeps import IMPLICIT, MAX_SUBSTEPS, Steps
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 
@@ -16,20 +16,18 @@ def fine_steps(fitter: WindowFitter, trial: FittedHypothesis, *, is_told: bool =
     The steps of a search change the outputs by a small part of the noise. Many samples determine a
     parameter more accurately than that, and a step over dry friction or a limit has a larger error
     than one over the smooth prior. A minimum at the limit of stability of explicit steps is none:
-    there steps are linearly implicit. Told steps are not doubled.
+    implicit ones move it. Told steps are not doubled.
     """
     problem = fitter.problem
-    fast, _ = course(trial.fit.model, problem.windows, problem.states)
+    fast = speed_in_windows(trial.fit.model, problem.windows, trial.fit.evaluation)
     steps = problem.windows.steps
-    if not steps.are_stable(fast):
-        steps = Steps(IMPLICIT, steps.substeps)
-        trial = _in_steps(fitter, steps).refit_two_steps(trial)
-    while not is_told and 2 * steps.substeps <= MAX_SUBSTEPS:
-        double = Steps(steps.method, 2 * steps.substeps)
-        moved = _in_steps(fitter, double).refit_two_steps(trial)
+    others = [] if steps.are_stable(fast) else [Steps(IMPLICIT, steps.substeps)]
+    while others or (not is_told and 2 * steps.substeps <= MAX_SUBSTEPS):
+        other = others.pop() if others else Steps(steps.method, 2 * steps.substeps)
+        moved = _in_steps(fitter, other).refit_two_steps(trial)
         if not moved.fit.usable or _moves_little(problem, trial, moved):
             break
-        trial, steps = moved, double
+        trial, steps = moved, other
     return steps
 
 

@@ -17,7 +17,11 @@ from dataclasses import replace
 import numpy as np
 
 from sklearn_pgnn.simulation.normal_equations import normal_equations
-from sklearn_pgnn.simulation.record_windows import WindowedRecords, course, enough_substeps
+from sklearn_pgnn.simulation.record_windows import (
+    WindowedRecords,
+    enough_substeps,
+    speed_in_windows,
+)
 from sklearn_pgnn.simulation.substeps import IMPLICIT, MAX_SUBSTEPS, Steps
 from sklearn_pgnn.simulation.uncertainty import invert, standard_errors
 from sklearn_pgnn.simulation.window_fit import WindowFit, prior_precision
@@ -44,7 +48,7 @@ def steps_for_fit(
     windows, now = windowed.windows, windowed.windows.steps
     if not fit.usable:
         return now
-    fast, _ = course(fit.model, windows, windowed.states)
+    fast = speed_in_windows(fit.model, windows, fit.evaluation)
     if not now.are_stable(fast):
         if windowed.steps_are_told:
             return Steps(IMPLICIT, now.substeps)

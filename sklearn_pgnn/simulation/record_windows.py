@@ -9,12 +9,12 @@ from numbers import Real
 
 import numpy as np
 
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.fastest import fastest
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_start import find_starts
-from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.stepping import usual_interval
 from sklearn_pgnn.simulation.substeps import (
@@ -26,7 +26,7 @@ from sklearn_pgnn.simulation.substeps import (
     enough_steps,
     given_steps,
 )
-from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.constant_outputs import constant_outputs
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.measured import of_measured, spans_of, where_measured
@@ -41,6 +41,8 @@ WINDOW_SHARE = 1 / 3
 LAGS = (1, 2, 4, 8, 16, 32, 64)
 #: the window that is a whole record
 WHOLE = "trajectory"
+#: most windows in which eigenvalues are taken
+SOME_WINDOWS = 32
 #: share of a power that is negligible
 NEGLIGIBLE = 0.01
 #: relative tolerance of a length compared with a clock
@@ -412,6 +414,22 @@ def course(
         x = alike.values(model)
         fast = speed_along(model, windows, x)
     return fast, x
+
+
+def speed_in_windows(model: PhysicsModel, windows: ShootingWindows, fit: Evaluation) -> float:
+    """Return how fast a model is where it goes in windows, some of them if they are many.
+
+    Measured states may be where a simulation never is, as beyond the noise about rest.
+    """
+    acting, speeds = windows.acting_inputs(model), [0.0]
+    for w in np.unique(np.linspace(0, len(windows) - 1, SOME_WINDOWS).astype(int)):
+        rows = slice(windows.starts[w], windows.starts[w] + windows.lengths[w])
+        options = windows.options_in(int(windows.record[w]))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimulationWarning)
+            run = simulate_acting(model, windows.t[rows], acting[rows], fit.x0[w], **options)
+        speeds.append(fastest(model, run.t, acting[rows], run.x, windows.usual_intervals[w]))
+    return max(speeds)
 
 
 def speed_along(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> float:
