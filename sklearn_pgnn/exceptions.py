@@ -90,6 +90,17 @@ class ModelWarning(UserWarning):
     """
 
 
+class FitWarning(UserWarning):
+    """A fit has ended with a reservation; the message states it and the remedy.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", FitWarning)  # what is not determined ends a script
+    """
+
+
 class UnitWarning(UserWarning):
     """The units of an equation in a model file are inconsistent; the message names the term.
 
@@ -119,7 +130,7 @@ class SimulationError(RuntimeError):
     ...     explosion.simulate([0, 1, 2, 3, 4]).check()
     ... except SimulationError as error:
     ...     print(error)
-    the simulation of 'model' became non-finite at t = 4 s (sample 4; before: ...
+    the simulation of 'model' became non-finite at t = 2 s (sample 2; before: ...
     """
 
 

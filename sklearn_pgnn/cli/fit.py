@@ -50,8 +50,12 @@ class FitJob:
         self.regressor.fit(self.X, self.y)
         records = read_records(self.prior, self.X, self.y)
         y = np.concatenate([record.y for record in records])
+        said = self.regressor.hold, self.regressor.substeps
+        told = dict(zip(("hold", "substeps"), said, strict=True))
         self.fits = {
-            which: fit_percentage(y, np.concatenate([r.y for r in run_records(model, records)]))
+            which: fit_percentage(
+                y, np.concatenate([r.y for r in run_records(model, records, **told)])
+            )
             for which, model in (("as given", self.prior), ("fitted", self.regressor.model_))
         }
 
@@ -70,6 +74,7 @@ class FitJob:
             "window": self.regressor.window_,
             "hold": self.regressor.hold_,
             "substeps": self.regressor.substeps_,
+            "method": self.regressor.method_,
         }
 
     def print_summary(self, output: str, *, as_json: bool, quiet: bool) -> None:

@@ -36,7 +36,7 @@ OPTIONAL = {
     "initial_state": "where a record without initial states starts; zero by default",
     "columns": "column name of a quantity in the files, where it differs from its name",
     "delays": "for an input that acts late, the parameter of its delay: uncomment that above, too",
-    "simulation": "hold: zoh or foh (inputs held, or linearly interpolated); substeps",
+    "simulation": "hold: zoh or foh (inputs held, or linearly interpolated); substeps; method",
 }
 
 

@@ -13,7 +13,7 @@ from sklearn_pgnn.diagnosis.structure import Structure, find_structure
 from sklearn_pgnn.diagnosis.unexplained import Proposal
 from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
-from sklearn_pgnn.estimation.fine_steps import fine_substeps
+from sklearn_pgnn.estimation.fine_steps import fine_steps
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis_models import Key
@@ -34,7 +34,8 @@ from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.wiring import Rewired, find_wiring
-from sklearn_pgnn.simulation.record_windows import enough_substeps
+from sklearn_pgnn.simulation.record_windows import enough_substeps, speed_in_windows
+from sklearn_pgnn.simulation.substeps import Steps, given_steps
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories.record import Record
 
@@ -207,16 +208,21 @@ class Investigation:
         return HypothesisFitter(problem, self.progress)
 
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
-        """Return the fitter with as many integration steps as the prior needs, if not given."""
-        if self._steps_are_told or self.wiring is not None:
+        """Return the fitter with integration steps as the prior needs them, stable ones if told."""
+        if self.wiring is not None:
             return fitter
-        windows, base = fitter.problem.windows, fitter.base().fit
-        substeps = enough_substeps(base.model, windows, base.x0)
-        return fitter if substeps == windows.substeps else self._in_steps(fitter, substeps)
+        windows, base, method = fitter.problem.windows, fitter.base().fit, self._method
+        fast = speed_in_windows(base.model, windows, base.evaluation)
+        if self._steps_are_told:
+            steps = given_steps(windows.substeps, method, fast)
+        else:
+            steps = enough_substeps(base.model, windows, base.x0, fast, method)
+        return fitter if steps == windows.steps else self._in_steps(fitter, steps)
 
-    def _in_steps(self, fitter: HypothesisFitter, substeps: int) -> HypothesisFitter:
+    def _in_steps(self, fitter: HypothesisFitter, steps: Steps) -> HypothesisFitter:
         """Return a fitter with other integration steps, its prior re-tuned with them as well."""
-        other = HypothesisFitter(with_substeps(fitter.problem, substeps), self.progress)
+        problem = with_substeps(fitter.problem, steps.substeps, steps.method)
+        other = HypothesisFitter(problem, self.progress)
         other.base()
         other.refit(fitter.base())
         return other
@@ -226,6 +232,11 @@ class Investigation:
         """Whether the user or the model specifies the number of integration steps."""
         return bool(self.options.get("substeps") or self.model.simulation.get("substeps"))
 
+    @property
+    def _method(self) -> str | None:
+        """The scheme of a step that the model specifies, if any."""
+        return self.model.simulation.get("method")
+
     def _like(self, problem: EstimationProblem, whole: EstimationProblem) -> HypothesisFitter:
         """Return the fitter on all records, with the window length and step of the search."""
         if problem.windows.hold != whole.windows.hold:
@@ -233,6 +244,7 @@ class Investigation:
         if not self._steps_are_told:
             thinned = max(1, round(problem.scales.sample_time / whole.scales.sample_time))
             whole = with_substeps(whole, math.ceil(problem.windows.substeps / thinned))
+        whole = with_substeps(whole, whole.windows.substeps, problem.windows.method)
         whole = replace(whole, min_samples=problem.min_samples)
         whole = recut(whole, problem.scales.window) or whole
         fitter = HypothesisFitter(whole, self.progress)
@@ -296,19 +308,20 @@ class Investigation:
     def _in_fine_steps(self, found: Findings) -> Findings:
         """Fit the causes with integration steps so fine that no parameter depends on them.
 
-        If there are no causes, or none remains with finer steps, search again with finer steps. A
-        model that runs away from the records does so in finer steps, too.
+        Told steps are kept, unless the fit has made the model too fast for them. If there are no
+        causes, or none remains with finer steps, search again with finer steps. A model that runs
+        away from the records does so in finer steps, too.
         """
         fitter, result = found.search.fitter, found.result
         is_dear = self.whole is not None and not result.steps
         is_lost = found.search.compare.runs_away(result.final)
-        if self._steps_are_told or is_dear or is_lost or found.proposal is not None:
+        if is_dear or is_lost or found.proposal is not None:
             return found
         self.progress.begin("integration steps")
-        substeps = fine_substeps(fitter, result.final)
-        if substeps == fitter.problem.windows.substeps:
+        steps = fine_steps(fitter, result.final, is_told=self._steps_are_told)
+        if steps == fitter.problem.windows.steps:
             return found
-        finer = self._in_steps(fitter, substeps)
+        finer = self._in_steps(fitter, steps)
         if result.steps:
             refined = self._refined(found, finer)
             if refined.result.steps:

@@ -131,7 +131,7 @@ class HeldOutWindows:
         u, count = part.acting_inputs(model), len(names)
         spans = zip(part.starts, part.starts + part.lengths, strict=True)
         for w, (a, b) in enumerate(spans):
-            options = {"substeps": part.substeps, "hold": part.hold, "wrt": names}
+            options = {**part.options_in(int(part.record_at(a))), "wrt": names}
             run = simulate_acting(model, part.t[a:b], u[a:b], begun[w], **options)
             slopes, by_start = np.split(np.asarray(run.sensitivities), [count], axis=-1)
             if led is not None:

@@ -5,38 +5,35 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_substeps
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
-from sklearn_pgnn.simulation.substeps import MAX_SUBSTEPS
+from sklearn_pgnn.simulation.record_windows import speed_in_windows
+from sklearn_pgnn.simulation.substeps import IMPLICIT, MAX_SUBSTEPS, Steps
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 
 
-def fine_substeps(fitter: WindowFitter, trial: FittedHypothesis) -> int:
-    """Return the substeps at which doubling changes no parameter by a tenth of its error.
+def fine_steps(fitter: WindowFitter, trial: FittedHypothesis, *, is_told: bool = False) -> Steps:
+    """Return the steps at which doubling changes no parameter by a tenth of its error.
 
     The steps of a search change the outputs by a small part of the noise. Many samples determine a
     parameter more accurately than that, and a step over dry friction or a limit has a larger error
-    than one over the smooth prior.
-
-    Parameters
-    ----------
-    fitter : WindowFitter
-        The fitter of the hypothesis.
-    trial : FittedHypothesis
-        The hypothesis, at its minimum.
-
-    Returns
-    -------
-    int
-        Integration steps from sample to sample, at most `MAX_SUBSTEPS`.
+    than one over the smooth prior. A minimum at the limit of stability of explicit steps is none:
+    implicit ones move it. Told steps are not doubled.
     """
     problem = fitter.problem
-    substeps = problem.windows.substeps
-    while 2 * substeps <= MAX_SUBSTEPS:
-        finer = HypothesisFitter(with_substeps(problem, 2 * substeps), fitter.progress)
-        moved = finer.refit_two_steps(trial)
+    fast = speed_in_windows(trial.fit.model, problem.windows, trial.fit.evaluation)
+    steps = problem.windows.steps
+    others = [] if steps.are_stable(fast) else [Steps(IMPLICIT, steps.substeps)]
+    while others or (not is_told and 2 * steps.substeps <= MAX_SUBSTEPS):
+        other = others.pop() if others else Steps(steps.method, 2 * steps.substeps)
+        moved = _in_steps(fitter, other).refit_two_steps(trial)
         if not moved.fit.usable or _moves_little(problem, trial, moved):
             break
-        trial, substeps = moved, 2 * substeps
-    return substeps
+        trial, steps = moved, other
+    return steps
+
+
+def _in_steps(fitter: WindowFitter, steps: Steps) -> HypothesisFitter:
+    problem = with_substeps(fitter.problem, steps.substeps, steps.method)
+    return HypothesisFitter(problem, fitter.progress)
 
 
 def _moves_little(

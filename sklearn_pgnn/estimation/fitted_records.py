@@ -137,7 +137,7 @@ def as_judged(problem: EstimationProblem, fit: WindowFit | FittedWindows) -> Phy
     return model.replace(
         initial_state={**model.initial_state, **found, **begun},
         settled=settled,
-        simulation={"hold": windows.hold, "substeps": windows.substeps},
+        simulation={"hold": windows.hold, **windows.steps.settings},
     )
 
 

@@ -246,9 +246,12 @@ def with_hold(problem: EstimationProblem, hold: str) -> EstimationProblem:
     return _simulated(problem, hold=hold)
 
 
-def with_substeps(problem: EstimationProblem, substeps: int) -> EstimationProblem:
-    """Return the problem with another number of integration steps between samples."""
-    return _simulated(problem, substeps=substeps)
+def with_substeps(
+    problem: EstimationProblem, substeps: int, method: str | None = None
+) -> EstimationProblem:
+    """Return the problem with other integration steps between samples."""
+    method = method or problem.windows.method
+    return _simulated(problem, substeps=substeps, method=method)
 
 
 def on_one_thread(problem: EstimationProblem) -> EstimationProblem:

@@ -6,22 +6,27 @@ global search takes, on some of the windows, the error that the best initial sta
 parameters' bounds by differential evolution, and fits locally from the best members.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import differential_evolution
 from sklearn.utils import check_random_state
 
 from sklearn_pgnn.estimators.progress import PrintLine, silence
+from sklearn_pgnn.estimators.steps_of_fit import steps_for_fit, with_steps
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import WindowedRecords
+from sklearn_pgnn.simulation.substeps import IMPLICIT
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: kinds of search; "auto" searches globally if the local fit leaves this many times the noise
 SEARCHES, POOR = ("local", "global", "auto"), 3.0
+#: a fit that leaves this many times the noise may be stuck at simulated starts of hidden states
+ABOVE = 1.2
 #: how far from its value a parameter without a bound is searched, in multiples of the value
 REACH = 10.0
 #: a global search uses every k-th window, so that about this many samples or windows remain
@@ -32,8 +37,10 @@ POPULATION, GENERATIONS, FOLLOWED = 15, 40, 4
 WORST = 700.0
 #: spread of a known initial state, as a share of an unknown one's
 HELD = 1e-10
-#: refits with the hidden states simulated anew
-ROUNDS = 3
+#: most refits with the hidden states simulated anew, and in other steps
+ROUNDS, REFINED = 20, 8
+#: relative change of the parameters from which on there is another one
+SETTLED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -48,11 +55,14 @@ class ParameterFit:
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
         Their uncertainty.
+    windowed : WindowedRecords
+        The windows, in the steps of the fit.
     """
 
     fit: WindowFit
     expected: np.ndarray
     spread: np.ndarray
+    windowed: WindowedRecords
 
 
 def find_parameters(
@@ -92,12 +102,40 @@ def find_parameters(
     free = tuple(freedom_of(model, name, within_spread) for name in names)
     local = fit_locally(model, windowed, free)
     progress(f"fit from the model's values: {_left(local, windowed)}")
-    if search == "local" or not names or (search == "auto" and not _is_poor(local, windowed)):
+    if search == "local" or not names or (search == "auto" and not _exceeds(local, windowed, POOR)):
         return local
     start = search_globally(local.fit.model, windowed, free, random_state, progress)
     found = fit_locally(start, windowed, free)
     progress(f"fit from the best values between the bounds: {_left(found, windowed)}")
     return min(local, found, key=lambda each: each.fit.objective)
+
+
+def find_beside_free_run(
+    model: PhysicsModel,
+    windowed: WindowedRecords,
+    whole: Callable[[], WindowedRecords],
+    names: tuple[str, ...],
+    search: str = "auto",
+    random_state=None,
+    progress: PrintLine = silence,
+    within_spread: bool = False,
+) -> ParameterFit:
+    """Fit parameters to windows, also from the values of the free run where a fit may be stuck.
+
+    Windows begin where hidden states are simulated with the values so far, which may hold those.
+    """
+    options = search, random_state, progress, within_spread
+    found = find_parameters(model, windowed, names, *options)
+    is_hidden = not set(model.states) <= set(windowed.states.known)
+    if not (names and is_hidden and search != "local" and _exceeds(found, windowed, ABOVE)):
+        return found
+    free = tuple(freedom_of(model, name, within_spread) for name in names)
+    starts, records = dict.fromkeys((model, found.fit.model)), whole()
+    runs = [fit_locally(start, records, free) for start in starts]
+    run = min(runs, key=lambda each: each.fit.objective)
+    again = fit_locally(run.fit.model, windowed, free)
+    progress(f"fit from the values of the free run: {_left(again, windowed)}")
+    return min(found, again, key=lambda each: each.fit.objective)
 
 
 def find_in_free_run(
@@ -151,24 +189,18 @@ def find_in_free_run(
 def fit_locally(
     model: PhysicsModel, windowed: WindowedRecords, free, tolerance=1e-9
 ) -> ParameterFit:
-    """Follow the gradient to the nearest minimum on all windows.
+    """Follow the gradient to the nearest minimum on all windows, in steps that do not matter."""
+    found = _fit_in_steps(model, windowed, free, tolerance)
+    for _ in range(REFINED):
+        steps = steps_for_fit(found.windowed, found.fit, found.expected, found.spread)
+        if steps == found.windowed.windows.steps:
+            break
+        finer = with_steps(found.windowed, steps)
+        found = _fit_in_steps(found.fit.model, finer, free, tolerance)
+    return found
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model; its values are the start.
-    windowed : WindowedRecords
-        The windows.
-    free : tuple of ParameterPrior
-        The parameters to fit.
-    tolerance : float, default=1e-9
-        Relative decrease of the objective at which the fit ends.
 
-    Returns
-    -------
-    ParameterFit
-        The fit.
-    """
+def _fit_in_steps(model: PhysicsModel, windowed: WindowedRecords, free, tolerance) -> ParameterFit:
     x0_start, starts = None, windowed.windows.starts
     for _ in range(ROUNDS):
         estimate = windowed.states.estimate(model)
@@ -177,10 +209,17 @@ def fit_locally(
             model, windowed.windows, free, expected, spread, x0_start=x0_start,
             max_steps=60, tolerance=tolerance,
         )  # fmt: skip
-        if set(model.states) <= set(windowed.states.known) or not np.isfinite(fit.objective):
+        is_known = set(model.states) <= set(windowed.states.known)
+        if is_known or not np.isfinite(fit.objective) or _is_settled(model, fit):
             break
         model, x0_start = fit.model, fit.x0
-    return ParameterFit(fit, expected, spread)
+    return ParameterFit(fit, expected, spread, windowed)
+
+
+def _is_settled(model: PhysicsModel, fit: WindowFit) -> bool:
+    """Return whether a fit hardly moves the parameters, and so hidden states no more."""
+    before = np.array([model.parameters[each.name].value for each in fit.freedoms])
+    return bool(np.allclose(fit.values, before, rtol=SETTLED, atol=0.0))
 
 
 def _where_told(windowed: WindowedRecords, expected, spread):
@@ -256,7 +295,10 @@ def search_globally(
     )
     order = np.argsort(result.population_energies)[:FOLLOWED]
     found = [at(result.population[k]) for k in order]
+    stable = replace(windows, method=IMPLICIT)
     fits = [fit_windows(each, windows, free, expected, estimate.spread) for each in found]
+    if not any(fit.usable for fit in fits):
+        fits = [fit_windows(each, stable, free, expected, estimate.spread) for each in found]
     return min(fits, key=lambda each: each.objective).model
 
 
@@ -268,6 +310,8 @@ def _generator(random_state) -> np.random.Generator:
 def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spread) -> float:
     """Return the squared error at the best initial states, to first order about the expected."""
     gram = evaluate(model, windows, expected, ()).gram
+    if not np.isfinite(gram).all() and windows.method != IMPLICIT:  # the model may be a fast one
+        gram = evaluate(model, replace(windows, method=IMPLICIT), expected, ()).gram
     if not np.isfinite(gram).all():
         return np.inf
     step = project(gram, 0, 1.0 / spread**2, np.zeros_like(expected)).state_step
@@ -318,7 +362,7 @@ def _left(found: ParameterFit, windowed: WindowedRecords) -> str:
     return f"error {size:.4g} times the noise"
 
 
-def _is_poor(found: ParameterFit, windowed: WindowedRecords) -> bool:
-    """Return whether a fit leaves much more than the noise."""
+def _exceeds(found: ParameterFit, windowed: WindowedRecords, times: float) -> bool:
+    """Return whether a fit leaves so many times the noise."""
     measured = np.isfinite(windowed.windows.y).sum()
-    return not found.fit.squares <= POOR**2 * measured
+    return not found.fit.squares <= times**2 * measured

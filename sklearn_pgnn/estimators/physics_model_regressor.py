@@ -1,5 +1,8 @@
 """A physical model whose parameters are fitted to records."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
@@ -8,12 +11,13 @@ from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.parameter_search import (
     SEARCHES,
     ParameterFit,
+    find_beside_free_run,
     find_in_free_run,
-    find_parameters,
 )
+from sklearn_pgnn.estimators.profile import Profile
 from sklearn_pgnn.estimators.progress import progress_printer
-from sklearn_pgnn.estimators.usual_start import with_usual_start
-from sklearn_pgnn.exceptions import OptionError, RecordWarning
+from sklearn_pgnn.estimators.usual_start import free_run_error, with_usual_start
+from sklearn_pgnn.exceptions import FitWarning, OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns
@@ -27,7 +31,6 @@ from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
-    WindowedRecords,
     median_window_length,
     output_noise,
     window_records,
@@ -35,6 +38,7 @@ from sklearn_pgnn.simulation.record_windows import (
 )
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
+    Estimate,
     estimate_of,
     parameter_covariance,
     standard_errors,
@@ -61,6 +65,15 @@ from sklearn_pgnn.trajectories.validation import (
     validate_table,
 )
 from sklearn_pgnn.user_line import warn_user
+
+#: rise of a free run's squares, as a share of those before and of the noise's, that is told
+WORSE, NOTABLE = 0.1, 0.25
+#: half-width of an interval, as a share of the value, from which on its profile is looked at
+HARDLY = 0.5
+#: ratio of its ends from which on an interval that reaches to a bound is open
+FAR = 10.0
+#: what a fit to windows can do about it
+FREE_RUN = 'minimise the error of the free run (window_length="trajectory", option --free-run), '
 
 
 class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -116,7 +129,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         its free-run error notably.
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
-        residuals are not white; it is as wide as the bounds where the records carry no information.
+        residuals are not white; it reaches to the bound on a side on which the records carry no
+        information.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         Fitted state at the start of every trajectory, in the order of their first rows.
     window_ : float
@@ -126,7 +140,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     hold_ : {"zoh", "foh"}
         How the inputs were assumed to vary between samples.
     substeps_ : int
-        Integration steps for the sample interval of `fit`; longer steps take as many more.
+        Integration steps for the sample interval of `fit`; longer intervals take more.
+    method_ : {"rk4", "rosenbrock"}
+        Scheme of a step: the second for models too fast for the first.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -200,8 +216,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Returns
         -------
         self : PhysicsModelRegressor
-            The fitted regressor. A warning names parameters that the records do not determine;
-            another one tells where trajectories begin elsewhere than predictions do.
+            The fitted regressor. A `FitWarning` names parameters that the records do not determine,
+            another one says where the free run has become worse; and it is told where trajectories
+            begin elsewhere than predictions do.
 
         Raises
         ------
@@ -223,13 +240,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         warn_of_contradicted_states(self.model, records)
         self._warn_of(records, told is not None)
         pieces = without_gaps(records, self.window_length)
-        windowed, found = self._find(pieces, names)
-        windows = windowed.windows
-        self.hold_, self.substeps_ = windows.hold, windows.substeps
-        said = {"hold": self.hold_, "substeps": self.substeps_}
-        self.model_ = found.fit.model.replace(simulation=said)
-        limits = limits_of(np.concatenate([record.y for record in records]))
-        self._simulated = (usual_step(records), self.substeps_, limits, self.hold_)
+        found = self._find(pieces, names)
+        windows = found.windowed.windows
+        self._keep_model(found, records)
         self._keep_estimates(found)
         _warn_of_ends(found.fit.freedoms, self.model_)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
@@ -245,6 +258,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._told = told_in_all(records)
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
+        self._warn_of_worse(records)
         return self
 
     def predict(self, X):
@@ -414,7 +428,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self._left = np.sort(np.abs(left) / np.sqrt(self._variance(records)), axis=0)
 
     @one_thread_each()
-    def _find(self, records, names) -> tuple[WindowedRecords, ParameterFit]:
+    def _find(self, records, names) -> ParameterFit:
         """Cut the records into windows and fit the parameters."""
         options = {
             "noise_std": self.noise_std,
@@ -431,9 +445,10 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             f"{windows.substeps} substeps; free: {', '.join(names) or 'none'}"
         )
         if self.window_length != WHOLE:
-            return windowed, find_parameters(self.model, windowed, names, *search)
+            whole = partial(window_records, self.model, records, window_length=WHOLE, **options)
+            return find_beside_free_run(self.model, windowed, whole, names, *search)
         short = window_records(self.model, records, **options)
-        return windowed, find_in_free_run(self.model, short, windowed, names, *search)
+        return find_in_free_run(self.model, short, windowed, names, *search)
 
     def _free_names(self) -> tuple[str, ...]:
         if isinstance(self.free, str):
@@ -460,26 +475,80 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
         return tuple(name for name in names if name not in still)
 
+    def _keep_model(self, found: ParameterFit, records) -> None:
+        """Keep the fitted model, and how it is simulated."""
+        windows = found.windowed.windows
+        self.hold_, self.substeps_, self.method_ = windows.hold, windows.substeps, windows.method
+        said = {"hold": self.hold_, **windows.steps.settings}
+        self.model_ = found.fit.model.replace(simulation=said)
+        limits = limits_of(np.concatenate([record.y for record in records]))
+        interval = usual_step(records)
+        self._simulated = (interval, self.substeps_, limits, self.hold_, self.method_)
+
     def _keep_estimates(self, found: ParameterFit) -> None:
         errors = standard_errors(found.fit, found.expected, found.spread)
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
-        loose = [name for name, error in errors.items() if self._is_loose(name, error)]
-        if loose:
-            warn_user(
-                f"the records do not determine {', '.join(loose)}: other values fit equally well. "
-                f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine "
-                f"more richly.",
-                RecordWarning,
-            )
+        loose = [name for name, error in errors.items() if not np.isfinite(error)]
+        for name, error in errors.items():
+            value = abs(self.model_.parameters[name].value)
+            if np.isfinite(error) and NORMAL_95 * error > HARDLY * value > 0:
+                low, high = Profile(found, name, error).interval()
+                self.parameters_[name] = replace(self.parameters_[name], low=low, high=high)
+                loose += [name] if self._is_wide(name) else []
+        _warn_of_loose(self.parameters_, loose)
 
-    def _is_loose(self, name: str, error: float) -> bool:
-        """Return whether a parameter's interval is wider than the parameter is large."""
-        prior = abs(self.model.parameters[name].value)
-        size = max(prior, abs(self.model_.parameters[name].value)) if prior else np.inf
-        return not np.isfinite(error) or NORMAL_95 * error > size
+    def _is_wide(self, name: str) -> bool:
+        """Return whether an interval is open, or wider than the parameter is large."""
+        found, prior = self.parameters_[name], abs(self.model.parameters[name].value)
+        size = max(prior, abs(found.value)) if prior else np.inf
+        low, high = self.model_.parameters[name].bounds
+        is_open = found.high == high or found.low == low > 0
+        is_far = not 0 < found.high <= FAR * found.low
+        return (is_open and is_far) or found.high - found.low > 2 * size
+
+    def _warn_of_worse(self, records) -> None:
+        """Warn where the given values are nearer to the records in free run than fitted ones."""
+        given = self.model.replace(initial_state=self.model_.initial_state)
+        before, after = (
+            free_run_error(each, records, self._runs, self.noise_) for each in (given, self.model_)
+        )
+        count = max(1, sum(int(np.isfinite(record.y).sum()) for record in records))
+        if not after - before > max(WORSE * before, NOTABLE * count):
+            return
+        own = "" if self.window_length == WHOLE else FREE_RUN
+        warn_user(
+            f"in free run the fitted model is further from the records than the given one: the "
+            f"error is {np.sqrt(after / count):.4g} times the noise, before "
+            f"{np.sqrt(before / count):.4g}. Remedy: {own}give values nearer to the truth, or "
+            f"narrower bounds; if no value fits, physics is missing: ModelDiagnosis(model) looks "
+            f"for it.",
+            FitWarning,
+        )
 
     def __sklearn_tags__(self):
         return tags_of_records(super().__sklearn_tags__())
+
+
+def _warn_of_loose(found: dict[str, Estimate], loose: list[str]) -> None:
+    """Warn of parameters that the records do not determine, and say where they may lie."""
+    if not loose:
+        return
+    said = [_range(name, found[name]) for name in loose if np.isfinite([*_ends(found[name])]).any()]
+    where = f" ({', '.join(said)})" if said else ""
+    warn_user(
+        f"the records do not determine {', '.join(loose)}: other values fit equally well{where}. "
+        f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine more "
+        f"richly.",
+        FitWarning,
+    )
+
+
+def _ends(found: Estimate) -> tuple[float, float]:
+    return found.low, found.high
+
+
+def _range(name: str, found: Estimate) -> str:
+    return f"{name} from {found.low:.3g} to {found.high:.3g} {found.unit}".rstrip()
 
 
 def _warn_of_ends(freedoms, model) -> None:
@@ -494,5 +563,6 @@ def _warn_of_ends(freedoms, model) -> None:
         warn_user(
             f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger spread "
             f"in the model, or within_spread=False; if they compensate for missing physics, "
-            f"ModelDiagnosis(model) looks for it."
+            f"ModelDiagnosis(model) looks for it.",
+            FitWarning,
         )

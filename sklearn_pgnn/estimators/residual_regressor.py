@@ -16,7 +16,7 @@ from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns, quantities_of
-from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -288,11 +288,12 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         warn_of_constant_outputs(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
         even = without_long_steps(records)
-        self.substeps_ = substeps_for(self.model, even, self.substeps, hold=self.hold_)
+        steps = steps_for(self.model, even, self.substeps, hold=self.hold_)
+        self.substeps_ = steps.substeps
         self.noise_ = output_noise(records)
         measured = rows_in_order(records, np.concatenate([record.y for record in records]))
         limits, interval = limits_of(measured), usual_step(records)
-        self._simulated = (interval, self.substeps_, limits, self.hold_)
+        self._simulated = (interval, steps.substeps, limits, self.hold_, steps.method)
         features, simulated = self._simulate(records)
         return features, measured - simulated
 

@@ -30,10 +30,11 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns
-from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import without_long_steps
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.simulation.substeps import Steps
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
@@ -344,11 +345,19 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
         form = "{}[k+1]" if self.discrete else "{}'"
         self._keep_texts([form.format(state) for state in base.states], terms)
-        self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
-        method = "euler" if self.discrete else "rk4"
+        steps = Steps("euler") if self.discrete else self._enough_steps(records)
+        self.substeps_ = steps.substeps
         limits = limits_of(np.concatenate([record.y for record in records]))
-        self._simulated = (states.interval, self.substeps_, limits, self.hold_, method, REMEDY)
-        said = {"hold": self.hold_, "substeps": self.substeps_}
+        self._simulated = (
+            states.interval,
+            self.substeps_,
+            limits,
+            self.hold_,
+            steps.method,
+            REMEDY,
+        )
+        told = {"substeps": 1} if self.discrete else steps.settings
+        said = {"hold": self.hold_, **told}
         self.model_ = self.model_.replace(simulation=said)
         progress(f"{self.substeps_} substeps from sample to sample")
         return self
@@ -376,10 +385,10 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             found[group] = self._regress(terms, rates[:, group], [names[i] for i in group])
         return found[chosen]
 
-    def _enough_substeps(self, records) -> int:
+    def _enough_steps(self, records) -> Steps:
         with np.errstate(all="ignore"):  # a diverging map diverges here as well
             even = without_long_steps(records)
-            return substeps_for(self.model_, even, self.substeps, hold=self.hold_)
+            return steps_for(self.model_, even, self.substeps, hold=self.hold_)
 
     def _predict_records(self, X, which="y"):
         """Return the simulated outputs, or the states (``"x"``)."""

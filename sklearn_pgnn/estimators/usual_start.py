@@ -53,11 +53,11 @@ def with_usual_start(
     if not means:
         return model
     other = model.replace(initial_state={**model.initial_state, **means})
-    own, moved = (_free_run_error(each, records, runs, noise) for each in (model, other))
+    own, moved = (free_run_error(each, records, runs, noise) for each in (model, other))
     return other if moved < (1 - LEAST_SHARE) * own else model
 
 
-def _free_run_error(model, records, runs: FreeRuns, noise) -> float:
+def free_run_error(model, records, runs: FreeRuns, noise) -> float:
     """Return the sum of squares of a free run's errors, infinite where one diverges."""
     total = 0.0
     for record in records:

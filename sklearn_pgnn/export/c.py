@@ -48,7 +48,7 @@ def to_c(
         Runge-Kutta scheme of order four, or explicit Euler.
     substeps : int, optional
         Integration steps per sample interval; by default as given by the model's `simulation`,
-        else 1.
+        else enough for explicit steps to be stable at its initial state.
     hold : {"zoh", "foh"}, optional
         Whether inputs are held or linearly interpolated between samples; by default as given by
         the model's `simulation`, else held. For a network, method, substeps and hold are those of

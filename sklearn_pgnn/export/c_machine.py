@@ -8,10 +8,11 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
 from sklearn_pgnn.export.c_expression import CPrinter
 from sklearn_pgnn.export.c_names import c_name, c_names
+from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import late_inputs
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.model_function import METHODS
-from sklearn_pgnn.simulation.simulate import hold_of, substeps_of
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.simulation.stepping import MAX_EVENTS
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
@@ -268,7 +269,7 @@ def machine_of(model, interval, *, precision, parameters, name, method, substeps
     ):
         if value not in known:
             raise OptionError(f"{option}: expected one of {', '.join(known)}, got {value!r}.")
-    substeps = substeps_of(model, substeps)
+    substeps = explicit_substeps(model, substeps, interval)
     name = c_name(model.name if name is None else name)
     return Machine(
         model, interval, precision, parameters, name, method, substeps, hold_of(model, hold)

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from functools import partial
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
+from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs
 from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.simulate import hold_of, substeps_of
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
@@ -42,7 +43,7 @@ def to_casadi(
         constants.
     substeps : int, optional
         Integration steps per sample interval; by default as given by the model's `simulation`,
-        else 1.
+        else enough for explicit steps to be stable at its initial state.
 
     Returns
     -------
@@ -73,7 +74,7 @@ def to_casadi(
     if unknown:
         raise OptionError(f"free: {unknown[0]!r} is no parameter of the model.")
     _check_dry(model, friction_width)
-    late, steps = _late(model, interval), substeps_of(model, substeps)
+    late, steps = _late(model, interval), explicit_substeps(model, substeps, interval)
     straight = interval is not None and bool(model.inputs) and hold_of(model) == "foh"
     n = len(model.states)
     sizes = {"x": n + sum(each.samples + 1 for each in late), "u": len(model.inputs)}

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
+from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs, past_names
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -43,7 +44,7 @@ def to_control(
         Runge-Kutta scheme of a step in discrete time.
     substeps : int, optional
         Integration steps per sample interval; by default as given by the model's `simulation`,
-        else 1.
+        else enough for explicit steps to be stable at its initial state.
 
     Returns
     -------
@@ -77,7 +78,7 @@ def to_control(
         _check_interval(model, interval)
         late = late_inputs(model, interval)
         states = [*model.states, *past_names(late)]
-        options = {"method": method, "substeps": substeps}
+        options = {"method": method, "substeps": explicit_substeps(model, substeps, interval)}
         update, output = _step(model, interval, late, options), _outputs(model, late)
     values = {key: parameter.value for key, parameter in model.parameters.items()}
     return nlsys(

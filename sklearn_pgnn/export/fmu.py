@@ -96,7 +96,7 @@ def to_fmu(
         Runge-Kutta scheme.
     substeps : int, optional
         Integration steps per sample interval; by default as given by the model's `simulation`,
-        else 1.
+        else enough for explicit steps to be stable at its initial state.
     compiler : str or None, default="gcc"
         C compiler for the binary for Linux on x86-64; with None the unit contains the source only,
         which the importing tool compiles.

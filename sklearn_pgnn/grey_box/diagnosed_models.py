@@ -106,10 +106,9 @@ def diagnosed_models(
     dict of str to PhysicsModel
         By the name of the depth.
     """
-    said = {"hold": diagnosis.hold_, "substeps": diagnosis.substeps_}
     extended, part = diagnosis.extended_model_, diagnosis.discrepancy_
     models = {
-        "prior": model.replace(simulation=said),
+        "prior": model.replace(simulation=dict(extended.simulation)),
         "fitted": diagnosis.refitted_model_,
     }
     if diagnosis.causes_:

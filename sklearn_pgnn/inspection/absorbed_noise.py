@@ -74,9 +74,8 @@ def absorbed_autocorrelation(
             windows.t[rows],
             acting[rows],
             begun[w],
-            substeps=windows.substeps,
-            hold=windows.hold,
             wrt=(),
+            **windows.options_in(int(windows.record[w])),
         )
         known = np.isfinite(windows.y[rows]) & np.isfinite(run.y)
         slopes = np.asarray(run.sensitivities) / windows.scale[:, None]

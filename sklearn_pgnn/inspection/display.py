@@ -216,9 +216,7 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
     best = diagnosis.records_.best
     models = {"prior": diagnosis.model, best: model_with_all(diagnosis)}
     simulated = {
-        which: simulate_records(
-            model, (chosen,), hold=diagnosis.hold_, substeps=diagnosis.substeps_
-        )
+        which: simulate_records(model, (chosen,), **diagnosis.extended_model_.simulation)
         for which, model in models.items()
     }
     title = f"{called(chosen.name, record, len(records))}, free run"

@@ -80,8 +80,9 @@ class PhysicsModel:
         quantity's own name.
     simulation : mapping, default={}
         How the model is to be simulated: ``hold`` (``"zoh"`` or ``"foh"``, whether inputs are
-        held or linearly interpolated between samples) and ``substeps``, the number of integration
-        steps per sample interval.
+        held or linearly interpolated between samples), ``substeps``, the number of integration
+        steps per sample interval, and their ``method`` (``"rk4"``, or ``"rosenbrock"`` for stiff
+        models).
 
     Raises
     ------
@@ -124,7 +125,7 @@ class PhysicsModel:
         check_keys("energy", self.energy, ENERGY_PARTS)
         check_keys("delays", self.delays, inputs)
         check_keys("initial_state", self.initial_state, states)
-        check_keys("simulation", self.simulation, ("hold", "substeps"))
+        check_keys("simulation", self.simulation, ("hold", "substeps", "method"))
         check_settled(self.settled, states, inputs)
         outputs = as_mapping("outputs", self.outputs or {name: name for name in states})
         for output in outputs:

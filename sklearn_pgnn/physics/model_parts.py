@@ -15,6 +15,8 @@ from sklearn_pgnn.physics.parameter import Parameter, check_name
 ENERGY_PARTS = ("stored", "supplied", "dissipated")
 #: inputs between samples: held, or linearly interpolated
 HOLDS = ("zoh", "foh")
+#: schemes of a step: Runge and Kutta's, and one for stiff models
+SCHEMES = ("rk4", "rosenbrock")
 
 
 def as_expression(item, names, where) -> sympy.Expr:
@@ -54,13 +56,13 @@ def as_state(name, value) -> float:
 
 def as_simulation(settings: Mapping) -> dict:
     """Return the simulation settings, with a plain integer as `substeps`."""
-    found = dict(settings)
-    hold, substeps = found.get("hold", HOLDS[0]), found.get("substeps", 1)
-    if hold not in HOLDS:
-        raise ModelError(
-            f"simulation.hold: expected one of {', '.join(HOLDS)}, got {hold!r}.",
-            ("simulation", "hold"),
-        )
+    found, substeps = dict(settings), settings.get("substeps", 1)
+    for name, known in (("hold", HOLDS), ("method", SCHEMES)):
+        if found.get(name, known[0]) not in known:
+            raise ModelError(
+                f"simulation.{name}: expected one of {', '.join(known)}, got {found[name]!r}.",
+                ("simulation", name),
+            )
     if not isinstance(substeps, Integral) or isinstance(substeps, bool) or substeps < 1:
         raise ModelError(
             f"simulation.substeps: expected an integer >= 1, got {substeps!r}.",

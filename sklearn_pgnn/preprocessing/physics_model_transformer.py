@@ -8,7 +8,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.preprocessing.target_limits import limits_by_targets
 from sklearn_pgnn.simulation.finite_run import FreeRuns, quantities_of
-from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
@@ -66,6 +66,8 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     ----------
     hold_ : {"zoh", "foh"}
         How the inputs were assumed to vary between samples, where there is a model.
+    method_ : {"rk4", "euler", "rosenbrock"}
+        Scheme of a step, where there is a model.
     substeps_ : int
         Integration steps for the sample interval of `fit`, where there is a model.
     n_features_in_ : int
@@ -91,7 +93,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         *,
         outputs=None,
         append=True,
-        method="rk4",
+        method=None,
         substeps=None,
         hold=None,
         time_column=None,
@@ -139,9 +141,8 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         self._refuse_taken_names()
         self.hold_ = hold_of(self.model, self.hold)
         even = without_long_steps(records)
-        self.substeps_ = substeps_for(
-            self.model, even, self.substeps, method=self.method, hold=self.hold_
-        )
+        steps = steps_for(self.model, even, self.substeps, self.method, self.hold_)
+        self.method_, self.substeps_ = steps
         self._interval, self._limits = usual_step(records), np.full(len(self.model.outputs), np.inf)
         runs = [self._runs.run(self.model, record).y for record in records]
         simulated = rows_in_order(records, np.concatenate(runs))
@@ -198,7 +199,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     @property
     def _runs(self) -> FreeRuns:
         """How the fitted transformer simulates."""
-        return FreeRuns(self._interval, self.substeps_, self._limits, self.hold_, self.method)
+        return FreeRuns(self._interval, self.substeps_, self._limits, self.hold_, self.method_)
 
     def _quantities(self) -> list[str]:
         """Return the names of the states and outputs that are appended."""

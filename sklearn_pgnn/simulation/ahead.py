@@ -20,7 +20,9 @@ import numpy as np
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of, substeps_of
+from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of, told_steps
+from sklearn_pgnn.simulation.stepping import usual_interval
+from sklearn_pgnn.simulation.substeps import Steps
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
 
@@ -69,7 +71,7 @@ def check_steps(steps) -> None:
         raise OptionError(f"steps: expected an integer >= 1, got {steps!r}.")
 
 
-def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options) -> Machine:
+def model_machine(model: PhysicsModel, record, *, method: str | None = None, **options) -> Machine:
     """Return a model as a `Machine` along a record.
 
     Parameters
@@ -78,8 +80,8 @@ def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options
         The model.
     record : Record
         The record, with outputs.
-    method : {"rk4", "euler"}, default="rk4"
-        Scheme of a step.
+    method : {"rk4", "euler", "rosenbrock"}, optional
+        Scheme of a step; by default as the model says.
     **options
         ``hold`` and ``substeps``, by default as the model says.
 
@@ -89,12 +91,13 @@ def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options
         The machine.
     """
     hold = hold_of(model, options.get("hold"))
-    substeps = substeps_of(model, options.get("substeps"))
+    steps = told_steps(model, options.get("substeps"), method) or Steps()
     acting = delayed_inputs(model, record.t, record.u, hold == "foh")
+    usual = usual_interval(record.t)
 
     def run(a, b, x):
         part = slice(a, b + 1)
-        found = simulate_acting(model, record.t[part], acting[part], x, method, substeps, hold)
+        found = simulate_acting(model, record.t[part], acting[part], x, *steps, hold, usual=usual)
         return found.x, found.y
 
     return Machine(record, np.array(start_of(model, record), dtype=float), run)

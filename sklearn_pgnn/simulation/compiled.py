@@ -63,8 +63,8 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None, metho
         The model; its parameter values do not matter.
     wrt : tuple of str, optional
         Parameters to differentiate by; without it only rates and outputs are computed.
-    method : {"rk4", "euler"}, default="rk4"
-        Scheme of a step.
+    method : {"rk4", "euler", "rosenbrock"}, default="rk4"
+        Scheme of a step; the last needs the derivatives by the states.
 
     Returns
     -------

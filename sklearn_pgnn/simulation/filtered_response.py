@@ -100,7 +100,7 @@ def linearise_filtered(
 
 def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
     """Return the states after and before every sample, and the transitions, window by window."""
-    function, source = compile_model(model, ())
+    function, source = compile_model(model, (), windows.method)
     u, p = windows.acting_inputs(model), parameter_values(model)
     n, size = len(model.states), windows.t.size
     filtered, predicted = np.full((size, n), np.nan), np.full((size, n), np.nan)

@@ -8,9 +8,10 @@ import numpy as np
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import REMEDY, what_is_beyond, what_is_wrong
-from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.free_run import simulate_record, steps_for
 from sklearn_pgnn.simulation.long_steps import substeps_along
-from sklearn_pgnn.simulation.simulate import Simulation, hold_of, substeps_of
+from sklearn_pgnn.simulation.simulate import Simulation, hold_of
+from sklearn_pgnn.simulation.substeps import Steps
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.user_line import warn_user
@@ -46,7 +47,7 @@ class FreeRuns:
         Magnitude of the outputs beyond which a simulation has diverged.
     hold : {"zoh", "foh"}
         How the inputs vary between two samples.
-    method : {"rk4", "euler"}, default="rk4"
+    method : {"rk4", "euler", "rosenbrock"}, default="rk4"
         Scheme of a step.
     remedy : str, default=REMEDY
         What may help against a divergence.
@@ -58,7 +59,7 @@ class FreeRuns:
     >>> records = read_records(lag, [[0.0, 1.0], [1.0, 1.0], [8.0, 1.0]])
     >>> runs = FreeRuns(1.0, 1, np.array([np.inf]), "zoh")
     >>> runs.options(records[0])["substeps"], runs.simulate(lag, records, ["y"])[2].round(2)
-    (7, array([0.98]))
+    (4, array([0.98]))
     """
 
     interval: float
@@ -102,7 +103,9 @@ class FreeRuns:
         substeps = substeps_along(record, self.interval, self.substeps)
         if substeps == self.substeps:
             return model
-        return model.replace(simulation={"hold": self.hold, "substeps": substeps})
+        return model.replace(
+            simulation={"hold": self.hold, **Steps(self.method, substeps).settings}
+        )
 
     def run(self, model: PhysicsModel, record: Record) -> Simulation:
         """Simulate a record in free run.
@@ -184,8 +187,8 @@ def simulate_quantities(model: PhysicsModel, records, names) -> np.ndarray:
     >>> simulate_quantities(lag, records, ["y"]).round(4).ravel().tolist()
     [0.0, 0.3935]
     """
-    limits = np.full(len(model.outputs), np.inf)
-    runs = FreeRuns(np.inf, substeps_of(model), limits, hold_of(model))
+    limits, steps = np.full(len(model.outputs), np.inf), steps_for(model, records)
+    runs = FreeRuns(np.inf, steps.substeps, limits, hold_of(model), steps.method)
     return runs.simulate(model, records, names)
 
 

@@ -2,16 +2,19 @@
 
 import warnings
 
-import numpy as np
-
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.simulate import Simulation, simulate, start_of
-from sklearn_pgnn.simulation.substeps import double_substeps
+from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.simulate import (
+    Simulation,
+    hold_of,
+    simulate,
+    speed_of,
+    start_of,
+    steps_of_runs,
+)
+from sklearn_pgnn.simulation.substeps import Steps, given_steps
 from sklearn_pgnn.trajectories.record import Record
-
-#: change of a quantity, as a share of its range, that is small
-SMALL = 1e-3
 
 
 def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulation:
@@ -44,68 +47,35 @@ def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulatio
         return simulate(model, record.t, record.u, start_of(model, record), **options)
 
 
-def substeps_for(model: PhysicsModel, records, substeps: int | None = None, **options) -> int:
-    """Return the integration steps: as given, else as in the model, else as accuracy needs.
+def steps_for(
+    model: PhysicsModel,
+    records,
+    substeps: int | None = None,
+    method: str | None = None,
+    hold: str | None = None,
+) -> Steps:
+    """Return how to step through records: as given, else as in the model, else as accuracy needs.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : sequence of Record
-        Records to simulate.
-    substeps : int, optional
-        The given value, if any.
-    **options
-        See `simulate`.
-
-    Returns
-    -------
-    int
-        Steps from sample to sample.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> substeps_for(lag.replace(simulation={"substeps": 3}), ())
-    3
-    """
-    said = model.simulation.get("substeps") if substeps is None else substeps
-    return enough_substeps(model, records, **options) if said is None else said
-
-
-def enough_substeps(model: PhysicsModel, records, **options) -> int:
-    """Double the substeps until states and outputs hardly change.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : sequence of Record
-        Records to simulate.
-    **options
-        See `simulate`.
-
-    Returns
-    -------
-    int
-        Steps from sample to sample, see `double_substeps`.
+    Where only the number of steps is given, they are linearly implicit if others are not stable.
 
     Examples
     --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> enough_substeps(lag, read_records(lag, [[0.0, 1.0], [4.0, 1.0], [8.0, 1.0]]))
-    4
+    >>> records = read_records(lag, [[0.0, 1.0], [4.0, 1.0], [8.0, 1.0]])
+    >>> steps_for(lag, records), steps_for(lag, records, 3)
+    (Steps(method='rk4', substeps=4), Steps(method='rk4', substeps=3))
     """
+    hold = hold_of(model, hold)
+    said = {**model.simulation, **({"method": method} if method else {})}
+    substeps, method = substeps or said.get("substeps"), said.get("method")
+    if substeps and method:
+        return Steps(method, substeps)
+    actings = [delayed_inputs(model, r.t, r.u, hold == "foh") for r in records]
 
-    def run(substeps):
-        runs = [simulate_record(model, record, substeps=substeps, **options) for record in records]
-        return np.concatenate([np.array([*each.x.T, *each.y.T]) for each in runs], axis=1)
+    def run(steps: Steps) -> list[Simulation]:
+        return [simulate_record(model, r, hold=hold, **steps._asdict()) for r in records]
 
-    def change(coarse, finer):
-        least = np.finfo(float).tiny  # what does not move
-        with np.errstate(invalid="ignore"):  # of simulations that diverge
-            changed = np.max(np.abs(finer - coarse), axis=1)
-            return float(np.max(changed / (SMALL * np.ptp(finer, axis=1) + least)))
-
-    return double_substeps(run, change)
+    if substeps:
+        return given_steps(substeps, None, speed_of(model, run(Steps(substeps=substeps)), actings))
+    return steps_of_runs(model, run, actings, method)

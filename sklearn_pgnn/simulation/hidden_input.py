@@ -167,7 +167,7 @@ class _Filter:
     """The filter of a model with a hidden input on a set of records."""
 
     def __init__(self, model, windows, x, spread, size):
-        self.function, self.source = compile_model(model, ())
+        self.function, self.source = compile_model(model, (), windows.method)
         self.p, self.u = parameter_values(model), windows.acting_inputs(model)
         self.windows, self.spans = windows, list(pairwise(windows.bounds))
         self.starts = [np.append(x[a], 0.0) for a, _ in self.spans]

@@ -208,9 +208,8 @@ def _run(alone: PhysicsModel, windows: "ShootingWindows", record: int, count: in
             windows.t[span],
             windows.acting_in_record(alone, record)[:count],
             begin,
-            substeps=windows.substeps,
-            hold=windows.hold,
             wrt=wrt,
+            **windows.options_in(record),
         )
 
 

@@ -169,7 +169,7 @@ def linearise(
 
 def _transitions(model, windows, x0):
     """Return the transition over every sample interval, and the states, window by window."""
-    function, source = compile_model(model, ())
+    function, source = compile_model(model, (), windows.method)
     u, p, nx = windows.acting_inputs(model), parameter_values(model), len(model.states)
     F, x = np.zeros((windows.t.size, nx, nx)), np.zeros((windows.t.size, nx))
     nothing, blind = np.zeros((nx, nx)), np.full(windows.y.shape[1], np.inf)

@@ -1,15 +1,15 @@
 """Integration steps where samples lie further apart than in a fit.
 
 A fit finds how many integration steps its sample interval takes. Elsewhere an integration step is
-nowhere longer than that: n sample intervals from one row to the next, in a slower table or across a
-gap, take n times as many.
+nowhere longer than that: rows of a slower table, n sample intervals apart, take n times as many.
+Within a table the time loop itself divides long intervals.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from sklearn_pgnn.simulation.stepping import GAP, usual_interval
+from sklearn_pgnn.simulation.stepping import usual_interval
 from sklearn_pgnn.trajectories.record import Record
 
 
@@ -59,28 +59,15 @@ def without_long_steps(records) -> list[Record]:
 
 
 def substeps_along(record: Record, interval: float, substeps: int) -> int:
-    """Return how many integration steps a record takes from sample to sample.
-
-    Parameters
-    ----------
-    record : Record
-        The record.
-    interval : float
-        Sample interval of the fit [s].
-    substeps : int
-        Integration steps that it takes.
-
-    Returns
-    -------
-    int
-        Enough for the longest step, those apart that the simulation itself divides as gaps.
+    """Return how many integration steps a record takes for its usual sample interval.
 
     Examples
     --------
-    >>> t, none = np.array([0.0, 1.0, 8.0]), np.zeros((3, 0))
+    >>> t, none = np.array([0.0, 3.0, 6.0]), np.zeros((3, 0))
     >>> substeps_along(Record(t, none, None, np.zeros(1), "a", np.arange(3)), 1.0, 2)
-    14
+    6
     """
-    steps = np.diff(record.t)
-    longest = np.max(steps[steps <= GAP * usual_interval(record.t)], initial=0.0)
-    return substeps * max(1, round(float(longest) / interval))
+    usual = usual_interval(record.t)
+    if not np.isfinite(usual):
+        usual = float(np.max(np.diff(record.t), initial=0.0))
+    return substeps * max(1, round(usual / interval))

@@ -17,7 +17,8 @@ model, which does what ``task`` says:
 
     and in the same way with :math:`\frac{\partial f}{\partial x} S + \frac{\partial f}{\partial p}`
     for the sensitivities. The inputs run straight from ``u`` to ``u_end``; a state that is stuck
-    stays.
+    stays. For stiff models the step is a linearly implicit one, see
+    `sklearn_pgnn.simulation.linearly_implicit`.
 
 In a step the rows of the sensitivities are vectors no wider than a register, since LLVM works on
 wider ones slowly, and a derivative that is zero costs nothing.
@@ -28,6 +29,14 @@ from llvmlite import ir
 from numba.core import cgutils
 
 from sklearn_pgnn.simulation.lanes import LANES
+from sklearn_pgnn.simulation.linearly_implicit import (
+    COUPLING,
+    DIAGONAL,
+    NODES,
+    STAGES,
+    WEIGHTS,
+    Elimination,
+)
 from sklearn_pgnn.simulation.source import Source
 from sklearn_pgnn.simulation.straight_line import FLOAT, INT, Assignments, emit_entries
 
@@ -38,6 +47,10 @@ METHODS = {
     "euler": (np.array([0.0]), np.array([1.0])),
     "rk4": (np.array([0.0, 0.5, 0.5, 1.0]), np.array([1.0, 2.0, 2.0, 1.0]) / 6.0),
 }
+#: a step that is stable however fast a stable model is
+IMPLICIT = "rosenbrock"
+#: every scheme of a step
+SCHEMES = (*METHODS, IMPLICIT)
 #: its arrays, behind ``task``, ``t`` and ``h``
 ARRAYS = ("x", "S", "u", "u_end", "p", "s", "stuck", "out")
 
@@ -51,14 +64,14 @@ def emit_model_function(builder, source: Source, method: str, arguments) -> None
         Where to emit.
     source : Source
         The model's source.
-    method : {"rk4", "euler"}
+    method : {"rk4", "euler", "rosenbrock"}
         Scheme of a step.
     arguments : sequence of ir.Value
         The values of ``task, t, h``, and pointers to the data of `ARRAYS`.
     """
     (task, t, h), pointers = arguments[:3], arguments[3:]
     arrays = dict(zip(ARRAYS, pointers, strict=True))
-    _Emission(builder, source, t, h, arrays).emit(task, METHODS[method])
+    _Emission(builder, source, t, h, arrays).emit(task, method)
 
 
 class _Emission:
@@ -75,7 +88,7 @@ class _Emission:
         builder = self.builder
         with builder.if_else(builder.icmp_signed("==", task, INT(STEP))) as (step, other):
             with step:
-                self._step(*method)
+                self._implicit_step() if method == IMPLICIT else self._step(*METHODS[method])
             with other:
                 self._evaluation(task)
 
@@ -142,11 +155,64 @@ class _Emission:
         with cgutils.for_range(builder, INT(len(nodes))) as loop:
             yield [builder.load(builder.gep(table, [INT(0), loop.index])) for table in tables]
 
-    def _slopes(self, now, along, node, read):
-        """Return the rates of the states and of the sensitivities' rows at a stage."""
-        source, builder = self.source, self.builder
-        n = source.n_states
-        states, rows = now[:n], now[n:]
+    def _implicit_step(self) -> None:
+        """Step the states and the rows by stages of which each solves the linearised equations."""
+        builder, start, read = self.builder, [*self._states(), *self._rows()], self._preloaded()
+        kept = [self._zero(ir.ArrayType(part.type, len(NODES))) for part in start]
+        solve = self._elimination(start, read).solve
+        with cgutils.for_range(builder, INT(len(NODES))) as loop:
+            at = loop.index
+            node = builder.load(builder.gep(self._constant(NODES), [INT(0), at]))
+            along = builder.fmul(self.h, node)
+            now = self._moved_by_stages(start, self.h, STAGES, at, kept)
+            zero = [ir.Constant(part.type, None) for part in start]
+            before = self._moved_by_stages(zero, FLOAT(1.0), COUPLING, at, kept)
+            rates = self._slopes(now, along, node, read)
+            pairs = zip(rates, before, strict=True)
+            solved = self._solved(solve, [self._plus(g, FLOAT(1.0), f) for f, g in pairs])
+            for place, value, g in zip(kept, solved, before, strict=True):
+                found = self._plus(value, FLOAT(-1.0), g)
+                builder.store(found, builder.gep(place, [INT(0), at]))
+        end = self._moved_by_stages(start, self.h, WEIGHTS[None], INT(0), kept)
+        for value, place in zip(end, self._targets(), strict=True):
+            builder.store(value, place, align=8)
+
+    def _elimination(self, start, read) -> Elimination:
+        r"""Factorise :math:`I - \gamma h\, \partial f/\partial x` at the step's start."""
+        n, factor = self.source.n_states, self.builder.fmul(self.h, FLOAT(-DIAGONAL))
+        values = self._rate_values(start[:n], FLOAT(0.0), FLOAT(0.0), read)
+        matrix = {
+            (i, j): self.builder.fmul(factor, self._unless_stuck(i, values[entry]))
+            for i, row in enumerate(self.source.rate_slopes)
+            for j, entry in enumerate(row[:n])
+            if entry in values
+        }
+        for i in range(n):
+            matrix[i, i] = self.builder.fadd(FLOAT(1.0), matrix.get((i, i), FLOAT(0.0)))
+        return Elimination(self.builder, self._plus, matrix, n)
+
+    def _solved(self, solve, right):
+        """Return the solutions for the states and for every column of the rows' pieces."""
+        n, n_pieces = self.source.n_states, len(self.pieces)
+        columns = [right[:n], *(right[n + i :: n_pieces] for i in range(n_pieces))]
+        states, *pieces = map(solve, columns)
+        return [*states, *(piece for row in zip(*pieces, strict=True) for piece in row)]
+
+    def _moved_by_stages(self, start, by, table, at, kept):
+        """Return the parts behind a step along a row of a table's weights of the stages."""
+        builder, weights = self.builder, self._constant(table.ravel())
+        first = builder.mul(at, INT(len(NODES)))
+        moved = list(start)
+        for stage in range(len(NODES)):
+            place = builder.gep(weights, [INT(0), builder.add(first, INT(stage))])
+            factor = builder.fmul(by, builder.load(place))
+            slopes = (builder.load(builder.gep(part, [INT(0), INT(stage)])) for part in kept)
+            moved = [self._plus(p, factor, k) for p, k in zip(moved, slopes, strict=True)]
+        return moved
+
+    def _rate_values(self, states, along, node, read):
+        """Return the rates, and what of their derivatives is not always zero, by entry."""
+        source = self.source
 
         def at_stage(array, i):
             if array == "x":
@@ -154,8 +220,14 @@ class _Emission:
             return self._input(i, node) if array == "u" else read(array, i)
 
         wanted = self._not_zero(source.rates, source.rate_slopes)
-        t = builder.fadd(self.t, along)
-        values = dict(zip(wanted, self._entries(wanted, t, at_stage), strict=True))
+        t = self.builder.fadd(self.t, along)
+        return dict(zip(wanted, self._entries(wanted, t, at_stage), strict=True))
+
+    def _slopes(self, now, along, node, read):
+        """Return the rates of the states and of the sensitivities' rows at a stage."""
+        source = self.source
+        states, rows = now[: source.n_states], now[source.n_states :]
+        values = self._rate_values(states, along, node, read)
         rates = [values[entry] for entry in source.rates]
         tangents = self._tangents(source.rate_slopes, values, rows)
         n_pieces = len(self.pieces)

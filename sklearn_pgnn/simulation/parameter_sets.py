@@ -10,14 +10,15 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.model_function import IMPLICIT
 from sklearn_pgnn.simulation.simulate import (
     check_arrays,
-    check_method,
     hold_of,
     parameter_values,
-    substeps_of,
+    told_steps,
 )
 from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
+from sklearn_pgnn.simulation.substeps import Steps
 from sklearn_pgnn.threads import local_threads
 from sklearn_pgnn.user_line import warn_user
 
@@ -32,7 +33,7 @@ def simulate_sets(
     x0=None,
     *,
     parameters: Mapping[str, np.ndarray],
-    method: str = "rk4",
+    method: str | None = None,
     substeps: int | None = None,
     hold: str | None = None,
     n_jobs: int | None = None,
@@ -53,10 +54,10 @@ def simulate_sets(
         Initial state; by default the model's, see `simulate`.
     parameters : mapping of str to array-like of shape (n_sets,)
         The values of each parameter that differs [its unit]; the others keep the model's.
-    method : {"rk4", "euler"}, default="rk4"
-        Runge-Kutta scheme of order four, or explicit Euler.
+    method : {"rk4", "euler", "rosenbrock"}, optional
+        Scheme of a step, see `simulate`; by default as the model says, else "rk4".
     substeps : int, optional
-        Steps from one sample to the next, see `simulate`.
+        Steps from one sample to the next; by default as the model says, else 1.
     hold : {"zoh", "foh"}, optional
         How inputs vary between samples, see `simulate`.
     n_jobs : int, optional
@@ -66,8 +67,8 @@ def simulate_sets(
     Returns
     -------
     ndarray of shape (n_sets, n_samples, n_outputs)
-        The outputs, identical to the last bit to single simulations; NaN from where a simulation
-        became non-finite, which a `SimulationWarning` reports.
+        The outputs, identical to the last bit to single simulations in the same steps; NaN from
+        where a simulation became non-finite, which a `SimulationWarning` reports.
 
     Raises
     ------
@@ -88,10 +89,9 @@ def simulate_sets(
     """
     t, u, x0 = check_arrays(model, t, u, x0)
     hold = hold_of(model, hold)
-    check_method(method)
-    substeps = substeps_of(model, substeps)
+    method, substeps = told_steps(model, substeps, method) or Steps()
     names, values = _read(model, parameters)
-    function, source = compile_model(model, None, method)
+    function, source = compile_model(model, () if method == IMPLICIT else None, method)
     outputs = np.full((len(values), t.size, len(model.outputs)), np.nan)
     fixed = parameter_values(model), [list(model.parameters).index(name) for name in names]
     is_late = any(delay in names for delay in model.delays.values())
@@ -99,7 +99,8 @@ def simulate_sets(
 
     def run(part) -> None:
         states = np.empty((t.size, len(x0)))
-        nothing, no_slopes = np.empty((len(x0), 0)), np.empty((t.size, len(model.outputs), 0))
+        nq = source.n_sensitivities  # of which the values do not matter
+        nothing, no_slopes = np.zeros((len(x0), nq)), np.empty((t.size, len(model.outputs), nq))
         p, at = fixed[0].copy(), fixed[1]
         for s in part:
             p[at], felt = values[s], acting

@@ -1,6 +1,7 @@
 """From records to windows: window length and noise are estimated from the records."""
 
 import warnings
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -8,14 +9,24 @@ from numbers import Real
 
 import numpy as np
 
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.fastest import fastest
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_start import find_starts
-from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
-from sklearn_pgnn.simulation.substeps import double_substeps
-from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+from sklearn_pgnn.simulation.stepping import usual_interval
+from sklearn_pgnn.simulation.substeps import (
+    EXPLICIT,
+    IMPLICIT,
+    MAX_SUBSTEPS,
+    STABLE,
+    Steps,
+    enough_steps,
+    given_steps,
+)
+from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.constant_outputs import constant_outputs
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.grid import step_of
@@ -31,6 +42,8 @@ WINDOW_SHARE = 1 / 3
 LAGS = (1, 2, 4, 8, 16, 32, 64)
 #: the window that is a whole record
 WHOLE = "trajectory"
+#: most windows in which eigenvalues are taken
+SOME_WINDOWS = 32
 #: share of a power that is negligible
 NEGLIGIBLE = 0.01
 #: relative tolerance of a length compared with a clock
@@ -51,12 +64,15 @@ class WindowedRecords:
         Dominant period of the outputs [s].
     told : ndarray of shape (n_windows, n_states), optional
         Initial states that are known and not to be fitted, NaN where not.
+    steps_are_told : bool, default=False
+        Whether the user or the model says how many integration steps are made.
     """
 
     windows: ShootingWindows
     states: StateEstimator
     period: float
     told: np.ndarray | None = None
+    steps_are_told: bool = False
 
 
 def window_records(
@@ -107,6 +123,7 @@ def window_records(
     """
     hold = hold_of(model, hold)
     substeps = model.simulation.get("substeps") if substeps is None else substeps
+    method = model.simulation.get("method")
     t = np.concatenate([record.t for record in records])
     u = np.ascontiguousarray(np.concatenate([record.u for record in records]), dtype=float)
     y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)
@@ -125,14 +142,13 @@ def window_records(
         windows = cut(whole, period * WINDOW_SHARE)
     else:
         windows = cut_exactly(whole, check_length(whole, window_length))
-    if substeps is None:
-        substeps = enough_substeps(model, windows, states.estimate(model).x[windows.starts])
-    windows = replace(windows, substeps=int(substeps))
+    windows = replace(windows, substeps=int(substeps or 1), method=method or EXPLICIT)
+    windows = in_enough_steps(model, windows, states, substeps is not None, method)
     states.windows = windows
     find_starts(model, cut(windows, period * WINDOW_SHARE), states)
     windows = replace(windows, states=tuple(model.states))
     known = np.array(told) if window_length == WHOLE else None
-    return WindowedRecords(windows, states, period, known)
+    return WindowedRecords(windows, states, period, known, substeps is not None)
 
 
 def without_gaps(records: tuple[Record, ...], window_length=None) -> tuple[Record, ...]:
@@ -370,30 +386,80 @@ def check_length(whole: ShootingWindows, window_length) -> float:
     return float(window_length)
 
 
-def enough_substeps(model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray) -> int:
-    """Double the substeps until a model's outputs change by less than a tenth of the noise.
+def in_enough_steps(
+    model: PhysicsModel,
+    windows: ShootingWindows,
+    states: StateEstimator,
+    is_told: bool = False,
+    method: str | None = None,
+) -> ShootingWindows:
+    """Return windows with steps in which the outputs hardly change; told ones with stable steps."""
+    fast, x = course(model, windows, states)
+    if is_told:
+        steps = given_steps(windows.substeps, method, fast)
+    else:
+        steps = enough_substeps(model, windows, x[windows.starts], fast, method)
+    return replace(windows, **steps._asdict())
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The windows, with the substeps to begin with.
-    x0 : ndarray of shape (n_windows, n_states)
-        Their initial states.
 
-    Returns
-    -------
-    int
-        Integration steps from sample to sample, see `double_substeps`.
+def course(
+    model: PhysicsModel, windows: ShootingWindows, states: StateEstimator
+) -> tuple[float, np.ndarray]:
+    """Return how fast a model is along the records, see `fastest`, and its states there.
+
+    States that are simulated are so in stable steps.
     """
+    alike = copy(states)
+    alike.windows = windows
+    x = alike.values(model)
+    fast = speed_along(model, windows, x)
+    if fast > STABLE * windows.substeps and states.hidden(model):
+        alike.windows = replace(windows, method=IMPLICIT)
+        x = alike.values(model)
+        fast = speed_along(model, windows, x)
+    return fast, x
 
-    def run(substeps):
-        return evaluate(model, replace(windows, substeps=substeps), x0, ()).residual
+
+def speed_in_windows(model: PhysicsModel, windows: ShootingWindows, fit: Evaluation) -> float:
+    """Return how fast a model is where it goes in windows, some of them if they are many.
+
+    Measured states may be where a simulation never is, as beyond the noise about rest.
+    """
+    acting, speeds = windows.acting_inputs(model), [0.0]
+    for w in np.unique(np.linspace(0, len(windows) - 1, SOME_WINDOWS).astype(int)):
+        rows = slice(windows.starts[w], windows.starts[w] + windows.lengths[w])
+        options = windows.options_in(int(windows.record[w]))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimulationWarning)
+            run = simulate_acting(model, windows.t[rows], acting[rows], fit.x0[w], **options)
+        speeds.append(fastest(model, run.t, acting[rows], run.x, windows.usual_intervals[w]))
+    return max(speeds)
+
+
+def speed_along(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> float:
+    """Return the largest eigenvalue times step along records, in a step for a usual interval."""
+    acting, speeds = windows.acting_inputs(model), [0.0]
+    for a, b in pairwise(windows.bounds):
+        t = windows.t[a:b]
+        speeds.append(fastest(model, t, acting[a:b], x[a:b], usual_interval(t)))
+    return max(speeds)
+
+
+def enough_substeps(
+    model: PhysicsModel,
+    windows: ShootingWindows,
+    x0: np.ndarray,
+    fast: float = 0.0,
+    method: str | None = None,
+) -> Steps:
+    """Return steps in which a model's outputs change by less than a tenth of the noise."""
+
+    def run(steps: Steps):
+        return evaluate(model, replace(windows, **steps._asdict()), x0, ()).residual
 
     def change(coarse, finer):
         with warnings.catch_warnings():  # overflow: the substeps are too coarse
             warnings.simplefilter("ignore", RuntimeWarning)
             return np.sqrt(np.nanmean(((finer - coarse) / windows.scale) ** 2)) / 0.1
 
-    return double_substeps(run, change, windows.substeps)
+    return enough_steps(run, change, fast, min(windows.substeps, MAX_SUBSTEPS), method)

@@ -1,5 +1,6 @@
 """Simulate a model along a trajectory; a failure is part of the result, with its remedy."""
 
+import warnings
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -10,10 +11,17 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
+from sklearn_pgnn.simulation.fastest import fastest
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.model_function import METHODS
+from sklearn_pgnn.simulation.model_function import IMPLICIT, SCHEMES
 from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
+from sklearn_pgnn.simulation.substeps import EXPLICIT, STABLE, Steps, enough_steps
 from sklearn_pgnn.user_line import warn_user
+
+#: change of a quantity, as a share of its range, that is small
+SMALL = 1e-3
+#: eigenvalue times step up to which one step is as accurate as that without a trial
+SLOW = 0.5
 
 
 @dataclass(frozen=True)
@@ -79,7 +87,7 @@ def simulate(
     u=None,
     x0=None,
     *,
-    method: str = "rk4",
+    method: str | None = None,
     substeps: int | None = None,
     hold: str | None = None,
     wrt: tuple[str, ...] | None = None,
@@ -97,10 +105,13 @@ def simulate(
     x0 : array-like of shape (n_states,), optional
         Initial state; by default the model's `initial_state`, and for its `settled` states the
         first value of their inputs.
-    method : {"rk4", "euler"}, default="rk4"
-        Runge-Kutta scheme of order four, or explicit Euler.
+    method : {"rk4", "euler", "rosenbrock"}, optional
+        Runge-Kutta scheme of order four, explicit Euler, or linearly implicit steps of order three
+        for stiff models; by default as the model's `simulation` says, else the first, or the last
+        where `substeps` is not given either and the first would need more than 32.
     substeps : int, optional
-        Steps from one sample to the next; by default as the model's `simulation` says, else 1.
+        Steps from one sample to the next, of which a long interval takes more; by default as the
+        model's `simulation` says, else 1 by a given `method`, else as many as accuracy needs.
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or interpolated linearly; by default as the
         model's `simulation` says, else held.
@@ -127,18 +138,68 @@ def simulate(
     True
     """
     t, u, x0 = check_arrays(model, t, u, x0)
-    hold = hold_of(model, hold)
-    check_method(method)
-    substeps = substeps_of(model, substeps)
+    hold, told = hold_of(model, hold), told_steps(model, substeps, method)
     unknown = [name for name in wrt or () if name not in model.parameters]
     if unknown:
         raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
     acting = delayed_inputs(model, t, u, hold == "foh")
-    return simulate_acting(model, t, acting, x0, method, substeps, hold, wrt)
+    if told is not None:
+        return simulate_acting(model, t, acting, x0, *told, hold, wrt)
+    tried = _tried(model, t, acting, x0, hold, Steps())
+    is_slow = tried.success and speed_of(model, [tried], [acting], SLOW) <= SLOW
+    if is_slow and wrt is None:
+        return tried
+
+    def run(steps: Steps) -> list[Simulation]:
+        return [_tried(model, t, acting, x0, hold, steps)]
+
+    steps = Steps() if is_slow else steps_of_runs(model, run, [acting])
+    return simulate_acting(model, t, acting, x0, *steps, hold, wrt)
+
+
+def _tried(model, t, acting, x0, hold, steps: Steps) -> Simulation:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SimulationWarning)
+        return simulate_acting(model, t, acting, x0, *steps, hold)
+
+
+def speed_of(model: PhysicsModel, runs, actings, enough: float = 0.0) -> float:
+    """Return the largest eigenvalue times step along runs, see `fastest`."""
+    pairs = zip(runs, actings, strict=True)
+    return max(
+        (fastest(model, r.t, u, r.x, usual_interval(r.t), enough) for r, u in pairs), default=0.0
+    )
+
+
+def steps_of_runs(model: PhysicsModel, run, actings, method=None) -> Steps:
+    """Return as many steps as runs need to change by a small share of every quantity's range."""
+
+    def values(runs) -> np.ndarray:
+        return np.concatenate([np.array([*each.x.T, *each.y.T]) for each in runs], axis=1)
+
+    def change(coarse, finer):
+        coarse, finer, least = values(coarse), values(finer), np.finfo(float).tiny
+        with np.errstate(invalid="ignore", over="ignore"):  # of simulations that diverge
+            changed = np.max(np.abs(finer - coarse), axis=1)
+            return float(np.max(changed / (SMALL * np.ptp(finer, axis=1) + least)))
+
+    runs = run(Steps())
+    fast = speed_of(model, runs, actings)
+    if not all(each.success for each in runs) or fast > STABLE:
+        fast = max(fast, speed_of(model, run(Steps(IMPLICIT)), actings))
+    return enough_steps(run, change, fast, method=method)
 
 
 def simulate_acting(
-    model: PhysicsModel, t, acting, x0, method="rk4", substeps=1, hold=HOLDS[0], wrt=None
+    model: PhysicsModel,
+    t,
+    acting,
+    x0,
+    method=EXPLICIT,
+    substeps=1,
+    hold=HOLDS[0],
+    wrt=None,
+    usual=None,
 ) -> Simulation:
     """Simulate a model on inputs as they act, its delays applied already.
 
@@ -154,19 +215,21 @@ def simulate_acting(
         Initial state.
     method, substeps, hold, wrt
         See `simulate`.
+    usual : float, optional
+        Usual sample interval [s] of the record that these samples are part of.
 
     Returns
     -------
     Simulation
         See `simulate`.
     """
-    function, source = compile_model(model, wrt, method)
-    nx, ny, n = len(model.states), len(model.outputs), t.size
-    nq = 0 if wrt is None else len(wrt) + nx
+    by = () if wrt is None and method == IMPLICIT else wrt
+    function, source = compile_model(model, by, method)
+    nx, ny, n, nq = len(model.states), len(model.outputs), t.size, source.n_sensitivities
     X, Y, SY = np.empty((n, nx)), np.empty((n, ny)), np.empty((n, ny, nq))
     S = np.zeros((nx, nq))
-    if wrt is not None:
-        S[:, len(wrt) :] = np.eye(nx)
+    if by is not None:
+        S[:, len(by) :] = np.eye(nx)
     failed = run_trajectory(
         function.argument,
         t,
@@ -178,7 +241,7 @@ def simulate_acting(
         np.array(source.dry),
         substeps,
         source.size,
-        usual_interval(t),
+        usual_interval(t) if usual is None else usual,
         X,
         Y,
         SY,
@@ -225,25 +288,19 @@ def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
     return hold
 
 
+def told_steps(
+    model: PhysicsModel, substeps: int | None = None, method: str | None = None
+) -> Steps | None:
+    """Return the steps that the arguments give, or the model; None where neither says a thing."""
+    if substeps is None and method is None and not {"substeps", "method"} & {*model.simulation}:
+        return None
+    method = str(model.simulation.get("method", EXPLICIT)) if method is None else method
+    check_method(method)
+    return Steps(method, substeps_of(model, substeps))
+
+
 def substeps_of(model: PhysicsModel, substeps: int | None = None) -> int:
     """Return the integration steps from sample to sample: as given, else as in the model, else 1.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    substeps : int, optional
-        The given value, if any.
-
-    Returns
-    -------
-    int
-        The steps.
-
-    Raises
-    ------
-    OptionError
-        If it is no integer of at least 1.
 
     Examples
     --------
@@ -348,8 +405,8 @@ def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray,
 
 def check_method(method) -> None:
     """Raise `ValueError` if the scheme of a step is none."""
-    if method not in METHODS:
-        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
+    if method not in SCHEMES:
+        raise ValueError(f"method: expected one of {', '.join(SCHEMES)}, got {method!r}.")
 
 
 def _remedy(model, t, X, failed, substeps) -> str:

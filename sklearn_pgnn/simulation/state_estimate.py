@@ -287,7 +287,7 @@ def free_run(
     record = int(windows.record_at(a))
     begin = windows.bounds[record]
     acting = windows.acting_in_record(model, record)[a - begin : b - begin]
-    options = {"substeps": windows.substeps, "hold": windows.hold, "wrt": wrt}
+    options = {**windows.options_in(record), "wrt": wrt}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return simulate_acting(

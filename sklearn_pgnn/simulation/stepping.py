@@ -19,9 +19,9 @@ from sklearn_pgnn.simulation.compiled import FUNCTION, call
 from sklearn_pgnn.simulation.lanes import LANES, add_multiple
 from sklearn_pgnn.simulation.model_function import OBSERVE, RATES, STEP
 
-#: a gap is longer than so many median sample intervals
-GAP = 20.0
-#: most samples that a gap counts for: one of years must not stall a simulation
+#: an interval of more than so many usual ones takes more steps than they do
+LONG = 1.5
+#: most usual intervals that one counts for: a gap of years must not stall a simulation
 MOST_SAMPLES = 1e6
 #: events handled exactly within one step; further ones are stepped over
 MAX_EVENTS = 6
@@ -206,23 +206,25 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, any_dry, out
 
 
 def usual_interval(t: np.ndarray) -> float:
-    """Return the median sample interval, or infinity where there can be no gap.
+    """Return the median sample interval, or infinity where none is much longer than others.
 
     numba would take seconds to compile a median.
-
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-
-    Returns
-    -------
-    float
-        The interval [s].
     """
     widths = t[1:] - t[:-1]
-    has_gap = widths.size and widths.max() > GAP * widths.min()
-    return float(np.median(widths)) if has_gap else math.inf
+    is_uneven = widths.size and widths.max() > LONG * widths.min()
+    return float(np.median(widths)) if is_uneven else math.inf
+
+
+def counts_between(t: np.ndarray, usual: float) -> np.ndarray:
+    """Return for how many usual intervals every interval counts, as the time loop has it.
+
+    Examples
+    --------
+    >>> counts_between(np.array([0.0, 1.0, 2.4, 5.0]), 1.0).tolist()
+    [1.0, 1.0, 3.0]
+    """
+    shares = np.minimum(np.diff(t) / usual, MOST_SAMPLES)
+    return np.where(shares > LONG, np.ceil(shares - 0.5), 1.0)
 
 
 @njit(**OPTIONS)
@@ -249,10 +251,10 @@ def to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, out, old,
     u_start, u_end, any_dry, usual,
 ):  # fmt: skip
-    """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples."""
+    """Advance from sample k to sample k + 1 in equal steps, no longer than usual ones."""
     width, count = t[k + 1] - t[k], substeps
-    if width > GAP * usual:
-        count *= int(min(width / usual, MOST_SAMPLES))
+    if width > LONG * usual:
+        count *= math.ceil(min(width / usual, MOST_SAMPLES) - 0.5)
     h = width / count
     if not (linear_hold or any_dry):
         for step in range(count):
@@ -276,7 +278,7 @@ def to_next_sample(
 def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, usual, X, Y, SY):
     """Simulate one trajectory into X, Y and SY; return the first sample not finite, or -1.
 
-    An interval is a gap if it is far longer than the ``usual`` one.
+    An interval longer than the ``usual`` one takes more steps.
     """
     nx, nq = S.shape
     out, old = workspace(nx, nq, u.shape[1], size)

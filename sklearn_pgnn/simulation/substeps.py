@@ -1,58 +1,118 @@
-"""How many integration steps from sample to sample are enough."""
+r"""How a model goes from sample to sample: by which scheme, and in how many steps.
+
+Explicit steps are stable only where :math:`|\lambda| h` is below some 2.8 for every eigenvalue
+:math:`\lambda` of the Jacobian. A simulation beyond that says nothing of the model. So the
+steps are chosen from the eigenvalues, which need no simulation that works already, and doubled
+until the result hardly changes; a model that is too fast for that makes linearly implicit steps.
+"""
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.simulation.model_function import IMPLICIT
 from sklearn_pgnn.user_line import warn_user
 
+#: the usual scheme
+EXPLICIT = "rk4"
 #: most steps that are tried
 MAX_SUBSTEPS = 32
+#: and most implicit ones, where fewer diverge
+MOST_IMPLICIT = 16 * MAX_SUBSTEPS
+#: change, in tolerances, from which on implicit steps may have gone through a divergence
+ROUGH = 100.0
+#: largest eigenvalue times step at which explicit steps are taken; they are unstable from 2.78 on
+STABLE = 2.0
 
 
-def double_substeps(
-    run: Callable[[int], object], change: Callable[[object, object], float], substeps: int = 1
-) -> int:
-    """Double the substeps until a simulation hardly changes.
+class Steps(NamedTuple):
+    """The scheme of a step, and the number of steps from sample to sample."""
 
-    Parameters
-    ----------
-    run : callable
-        Simulates with a given number of steps from sample to sample.
-    change : callable
-        Returns the difference of two simulations, the coarse one first, as a multiple of the
-        tolerance; not finite if one of them diverges.
-    substeps : int, default=1
-        The steps to begin with.
+    method: str = EXPLICIT
+    substeps: int = 1
 
-    Returns
-    -------
-    int
-        Steps from sample to sample, at most `MAX_SUBSTEPS`.
+    def are_stable(self, fast: float) -> bool:
+        """Return whether a model is as fast as these steps allow, or slower.
 
-    Warns
-    -----
-    SimulationWarning
-        If these are not enough. A simulation that diverges is reported elsewhere.
+        Examples
+        --------
+        >>> Steps("rk4", 4).are_stable(10.0), Steps("rosenbrock", 1).are_stable(1e6)
+        (False, True)
+        """
+        return self.method == IMPLICIT or not fast > STABLE * self.substeps
+
+    @property
+    def settings(self) -> dict[str, str | int]:
+        """What a model's `simulation` says of them; the usual scheme is not told."""
+        told = {} if self.method == EXPLICIT else {"method": self.method}
+        return {"substeps": self.substeps, **told}
+
+
+def given_steps(substeps: int, method: str | None, fast: float) -> Steps:
+    """Return so many steps by the given scheme, else by the usual one where that is stable."""
+    steps = Steps(method or EXPLICIT, substeps)
+    return steps if method or steps.are_stable(fast) else Steps(IMPLICIT, substeps)
+
+
+def enough_steps(
+    run: Callable[[Steps], object],
+    change: Callable[[object, object], float],
+    fast: float = 0.0,
+    substeps: int = 1,
+    method: str | None = None,
+) -> Steps:
+    r"""Double the steps until a simulation hardly changes, by the scheme that needs few.
+
+    ``run`` simulates, ``change`` is the difference of two simulations, the coarse one first, as a
+    multiple of the tolerance (not finite if one diverges), ``fast`` the largest
+    :math:`|\lambda| h` for one step from sample to sample. Implicit steps are for models with
+    stable dynamics that fast only: they would hide a growth. A simulation that diverges is
+    reported elsewhere.
 
     Examples
     --------
-    >>> double_substeps(lambda n: (1 + 1 / n) ** n, lambda one, other: abs(one - other) / 0.1)
-    8
+    >>> run = lambda steps: (1 + 1 / steps.substeps) ** steps.substeps
+    >>> enough_steps(run, lambda one, other: abs(one - other) / 0.1)
+    Steps(method='rk4', substeps=8)
     """
-    coarse, changed = run(substeps), math.nan
-    while substeps < MAX_SUBSTEPS:
-        finer = run(2 * substeps)
-        changed = change(coarse, finer)
-        if changed < 1.0:
-            return substeps
-        substeps, coarse = 2 * substeps, finer
-    if math.isfinite(changed):
+    least = substeps
+    while least <= MAX_SUBSTEPS and not Steps(EXPLICIT, least).are_stable(fast):
+        least *= 2
+    tried = []
+    if method or least <= MAX_SUBSTEPS:
+        first = Steps(method or EXPLICIT, substeps if method else least)
+        tried.append(_double(run, change, first))
+    if not method and fast > STABLE and not (tried and tried[0][1] < 1.0):
+        tried.append(_double(run, change, Steps(IMPLICIT, substeps)))
+    found, changed = min(tried, key=lambda each: each[1] if math.isfinite(each[1]) else math.inf)
+    diverges = not math.isfinite(changed)
+    if diverges or (found.method == IMPLICIT != method and changed > ROUGH):
+        return Steps(method or EXPLICIT, max(substeps, MAX_SUBSTEPS))
+    if changed >= 1.0:
         warn_user(
-            f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to "
+            f"the simulation still changes with {found.substeps} integration steps from sample to "
             f"sample, the largest number tried: the model has dynamics much faster than the "
             f"sampling. Remedy: replace the fastest states by their steady-state values, sample "
             f"faster, or set substeps.",
             SimulationWarning,
         )
-    return substeps
+    return found
+
+
+def _double(run, change, steps: Steps) -> tuple[Steps, float]:
+    """Double the steps until they are enough, and return the last change with them."""
+    coarse, changed = run(steps), math.nan
+    while True:
+        double = Steps(steps.method, 2 * steps.substeps)
+        finer = run(double)
+        changed = change(coarse, finer)
+        if changed < 1.0 or double.substeps > _most(steps, changed):
+            return steps, changed
+        steps, coarse = double, finer
+
+
+def _most(steps: Steps, changed: float) -> int:
+    """Return how many steps to try: more implicit ones where fewer diverge, as in fast layers."""
+    diverges = steps.method == IMPLICIT and not math.isfinite(changed)
+    return MOST_IMPLICIT if diverges else MAX_SUBSTEPS

@@ -21,6 +21,7 @@ from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
 from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import OPTIONS, fill, run_windows, usual_interval
+from sklearn_pgnn.simulation.substeps import EXPLICIT, Steps
 from sklearn_pgnn.threads import kept_pool
 
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
@@ -52,7 +53,7 @@ class ShootingWindows:
     hold : {"zoh", "foh"}
         How inputs vary between samples.
     substeps : int
-        Integration steps from sample to sample.
+        Integration steps from sample to sample; longer intervals than usual take more.
     threads : int
         Threads to simulate on.
     blocks : int
@@ -60,6 +61,8 @@ class ShootingWindows:
     states : tuple of str or None
         States that every window begins anew; others that inputs alone drive are led from the
         start of the record, see `sklearn_pgnn.simulation.led_states`. None means all.
+    method : {"rk4", "rosenbrock"}
+        Scheme of a step.
     """
 
     t: np.ndarray
@@ -74,9 +77,15 @@ class ShootingWindows:
     threads: int = 1
     blocks: int = 1
     states: tuple[str, ...] | None = None
+    method: str = EXPLICIT
 
     def __len__(self):
         return self.starts.size
+
+    @property
+    def steps(self) -> Steps:
+        """How the model goes from sample to sample."""
+        return Steps(self.method, self.substeps)
 
     @property
     def record(self) -> np.ndarray:
@@ -95,9 +104,14 @@ class ShootingWindows:
 
     @cached_property
     def usual_intervals(self) -> np.ndarray:
-        """Usual sample interval [s] of every window's record; an interval far longer is a gap."""
+        """Usual sample interval [s] of every window's record; a longer one takes more steps."""
         of_records = [usual_interval(self.t[a:b]) for a, b in pairwise(self.bounds)]
         return np.array(of_records)[self.record]
+
+    def options_in(self, record: int) -> dict[str, object]:
+        """Return how to simulate a part of a record, for `simulate_acting`."""
+        usual = usual_interval(self.t[slice(*self.bounds[record : record + 2])])
+        return {**self.steps._asdict(), "hold": self.hold, "usual": usual}
 
     def select(self, which) -> "ShootingWindows":
         """Return some of the windows.
@@ -304,7 +318,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     Evaluation
         Squares, gradients and residuals.
     """
-    function, source = compile_model(model, tuple(wrt))
+    function, source = compile_model(model, tuple(wrt), windows.method)
     u, p = windows.acting_inputs(model), parameter_values(model)
     q = len(wrt) + len(model.states)
     gram = np.zeros((len(windows), windows.blocks, q + 1, q + 1))

@@ -16,7 +16,7 @@ from sklearn_pgnn import (
     SINDYcRegressor,
 )
 from sklearn_pgnn.exceptions import SimulationWarning
-from sklearn_pgnn.simulation.free_run import SMALL
+from sklearn_pgnn.simulation.simulate import SMALL
 
 SWING = PhysicsModel(
     {"x": "m", "v": "m/s"},

@@ -45,7 +45,7 @@ def both(model, folder, size=1.0, offset=0.0, n=5000, **options):
     X, Y = run_c(
         text, folder, "machine", model, u, n=n, hold=hold, precision=precision, by_struct=by_struct
     )
-    run = model.simulate(t, u, **options)
+    run = model.simulate(t, u, **{"method": "rk4", **options})
     return (X, Y), (run.x, run.y)
 
 

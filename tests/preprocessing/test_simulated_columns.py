@@ -11,7 +11,7 @@ from sklearn.preprocessing import StandardScaler
 
 from sklearn_pgnn import PhysicsModel, PhysicsModelTransformer
 from sklearn_pgnn.exceptions import SimulationWarning
-from sklearn_pgnn.simulation.free_run import SMALL
+from sklearn_pgnn.simulation.simulate import SMALL
 
 UNSTABLE = PhysicsModel({"y": "V"}, {"y": "(u + y)/T"}, {"T": 0.1}, {"u": "V"}, name="unstable")
 SHORT, LONG = np.arange(60) * 0.01, np.arange(700) * 0.01  # e**6, e**70

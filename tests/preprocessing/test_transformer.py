@@ -219,7 +219,7 @@ def test_whole_solve_gives_no_warning():
         ({"outputs": []}, r"outputs: expected states or outputs among x, v, position, got \[\]\."),
         ({"outputs": ["q"]}, "outputs: expected states or outputs among x, v, position, got 'q'."),
         ({"append": "some"}, "append: expected True, False or 'all', got 'some'."),
-        ({"method": "heun"}, "method: expected one of euler, rk4, got 'heun'."),
+        ({"method": "heun"}, "method: expected one of euler, rk4, rosenbrock, got 'heun'."),
     ],
 )
 def test_bad_options_are_named(options, text):

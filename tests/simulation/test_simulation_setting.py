@@ -74,7 +74,7 @@ def test_effects_and_other_values_keep_it():
         ({"substeps": 0}, "simulation.substeps: expected an integer >= 1, got 0."),
         ({"substeps": 2.0}, "simulation.substeps: expected an integer >= 1, got 2.0."),
         ({"substeps": True}, "simulation.substeps: expected an integer >= 1, got True."),
-        ({"step": 2}, "simulation: unknown name 'step'; expected one of hold, substeps."),
+        ({"step": 2}, "simulation: unknown name 'step'; expected one of hold, substeps, method."),
         ("foh", "simulation: expected names and values, got 'foh'."),
     ],
 )
@@ -90,7 +90,10 @@ def test_what_it_cannot_be(simulation, message):
         ("{hold: linear}", "4:14: simulation.hold: expected one of zoh, foh, got 'linear'."),
         ("{substeps: 2.5}", "4:24: simulation.substeps: expected an integer >= 1, got '2.5'."),
         ("{hold: foh, substeps: 0}", "4:25: simulation.substeps: expected an integer >= 1, got 0."),
-        ("{step: 2}", "4:14: simulation: unknown name 'step'; expected one of hold, substeps."),
+        (
+            "{step: 2}",
+            "4:14: simulation: unknown name 'step'; expected one of hold, substeps, method.",
+        ),
         ("foh", "4:13: simulation: expected names and values, got 'foh'."),
     ],
 )
@@ -106,7 +109,7 @@ def test_a_model_file_says_where_it_is_wrong(line, message, tmp_path):
 
 
 def test_a_simulation_asks_the_model_unless_it_is_told():
-    held = simulate(oscillator(), T, F).y
+    held = simulate(oscillator(), T, F, substeps=1).y
     assert np.array_equal(simulate(SMOOTH, T, F).y, TOLD)
     assert np.array_equal(simulate(SMOOTH, T, F, hold="zoh", substeps=1).y, held)
     assert np.abs(TOLD - held).max() > 0.05 * np.ptp(TOLD)

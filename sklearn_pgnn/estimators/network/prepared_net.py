@@ -43,10 +43,11 @@ from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError, RecordError
-from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.simulation.substeps import EXPLICIT
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.constant_outputs import constant_outputs, warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
@@ -302,7 +303,9 @@ class PreparedNet(TrajectoryNet):
 
     def _settle_clock(self, records) -> dict:
         """Choose how the records are simulated and compared, and return the simulation options."""
-        self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
+        self.substeps_ = steps_for(
+            self.model_, records, self.substeps, EXPLICIT, self.hold_
+        ).substeps
         self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
         if any(np.isnan(record.y).any() for record in records):
             self._stride = 1  # else those that were measured may be skipped
