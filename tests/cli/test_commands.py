@@ -57,11 +57,24 @@ def test_the_optional_parts_of_a_template_can_be_taken_in(tmp_path):
     run("init", path)
     parts = ("columns", "delays", "initial_state", "simulation")
     text = path.read_text()
-    for part in parts:
+    for part in (*parts, "tau_force"):
         text = text.replace(f"# {part}:", f"{part}:")
     path.write_text(text)
     model = PhysicsModel.from_yaml(path)
     assert all(getattr(model, part) for part in parts)
+    assert model.delays == {"force": "tau_force"}
+    assert model.parameters["tau_force"].unit == "s"
+
+
+@pytest.mark.parametrize("like", SYSTEMS)
+def test_the_delay_of_a_template_is_no_parameter_of_another_kind(tmp_path, like):
+    path = tmp_path / "mine.yaml"
+    run("init", path, "--like", like)
+    said = [line for line in path.read_text().splitlines() if line.startswith("# delays:")]
+    units = {name: p.unit for name, p in make_system(like).parameters.items()}
+    for line in said:
+        delay = line.partition(": {")[2].partition("}")[0].partition(": ")[2]
+        assert units.get(delay, "s") == "s"
 
 
 def test_a_template_lists_the_columns_of_a_file_and_replaces_nothing_unasked(files):
