@@ -107,9 +107,10 @@ def gain_frame(diagnosis) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        By output: root mean square errors on held-out windows of the model as given, re-tuned and
-        extended, the noise, the share of the error power that is explained with its 95 % interval,
-        the errors of the same models in free run over whole records, and the unit of the errors.
+        By output: root mean square errors on held-out windows of the model as given, re-tuned,
+        extended, and with the formula where there is one, the noise, the share of the error power
+        that is explained with its 95 % interval, the errors of the same models in free run over
+        whole records, and the unit of the errors.
 
     Examples
     --------
@@ -127,6 +128,7 @@ def gain_frame(diagnosis) -> pd.DataFrame:
             "prior": gain.prior,
             "refitted": gain.refitted,
             "extended": gain.extended,
+            "formula": gain.formula,
             "noise": gain.noise,
             "explained_share": gain.explained_share,
             "low": gain.low,
@@ -134,6 +136,7 @@ def gain_frame(diagnosis) -> pd.DataFrame:
             "free_run_prior": run.prior,
             "free_run_refitted": run.refitted,
             "free_run_extended": run.extended,
+            "free_run_formula": run.formula,
             "unit": gain.unit,
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("output")

@@ -70,10 +70,17 @@ class Findings:
         return () if wiring is None else (wiring.finding(self.search.fitter.problem.prior),)
 
     @property
+    def trials(self) -> dict[str, FittedHypothesis]:
+        """The re-tuned prior, the model with the causes, and the one with the formula, if any."""
+        trials = {"refitted": self.result.base, "extended": self.result.final}
+        return trials if self.proposal is None else {**trials, "formula": self.proposal.trial}
+
+    @property
     def remaining(self) -> Remaining:
         """What is left of the records with the causes."""
         share = self.search.criterion.smallest_share
-        return describe_remaining(self.search.fitter, self.result.final, self.structure, share)
+        fitter, final, best = self.search.fitter, self.result.final, [*self.trials.values()][-1]
+        return describe_remaining(fitter, final, self.structure, share, best)
 
     @property
     def verdict(self) -> str:

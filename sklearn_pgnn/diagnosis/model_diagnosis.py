@@ -1,5 +1,6 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -13,7 +14,7 @@ from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
-from sklearn_pgnn.diagnosis.noise_units import measured_alike
+from sklearn_pgnn.diagnosis.noise_units import error_together
 from sklearn_pgnn.diagnosis.options import (
     check_detectability,
     check_max_causes,
@@ -159,15 +160,17 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     parameters_ : dict of str to RetunedParameter
         The prior's free parameters in the extended model, the formula included if there is one.
     gain_ : dict of str to Gain
-        Held-out error of every output for the prior as given, re-tuned, and extended, over windows
-        and in free run.
+        Held-out error of every output for the prior as given, re-tuned, extended, and, where there
+        is a formula, with it, over windows and in free run.
     free_run_ : dict of str to FreeRunError
-        Error of every output over whole records: .prior, .refitted and .extended, simulated from
-        `initial_states_` without restarts; infinite where a simulation becomes non-finite.
+        Error of every output over whole records: .prior, .refitted, .extended and .formula,
+        simulated without restarts, each from initial states found as in `initial_states_`;
+        infinite where a simulation becomes non-finite.
         Its .tells is false where the free run of a chaotic or unstable machine is not informative.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         State of the extended model at the start of every trajectory: as given in X, for `settled`
-        states as the first input determines it, and otherwise as fitted in the first window.
+        states as the first input determines it, and otherwise as fitted to the trajectory's
+        beginning: its first window, or twice as long, and so on, while that makes it more certain.
     window_ : float
         Window length used [s].
     substeps_ : int
@@ -403,10 +406,10 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         fitter, result = found.search.fitter, found.result
         problem, final = fitter.problem, result.final
         errors = parameter_errors(problem, final)
-        proposal = found.proposal
+        proposal, trials = found.proposal, found.trials
         part = None if proposal is None else describe(problem, proposal)
         self.causes_ = name_causes(found.search, result, errors)
-        self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
+        self.gain_ = measure_gain(fitter, trials, _seed(self.random_state))
         if proposal is not None:  # parameters are those of the model with the formula
             errors = parameter_errors(problem, proposal.trial)
         whole = final if proposal is None else proposal.trial
@@ -417,18 +420,25 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.substeps_, self.hold_ = problem.windows.substeps, problem.windows.hold
         tried = [Tried(c.id, c.target, *share) for c, share in result.alone.items()]
         self.candidates_ = tuple(sorted(tried, key=lambda candidate: candidate.left))
-        self.records_ = keep_records(fitter, result.base, final, names)
-        measured = part and measured_alike(part, self.gain_, self.records_)
-        self.discrepancy_: MissingPart | None = measured
-        self.initial_states_ = self.records_.starts
-        tells = fitter.held_out(result.base).tells | fitter.held_out(final).tells
-        self.free_run_ = free_run_errors(self.records_, tells)
+        self._keep_runs(found, names, part)
         self.data_quality_: tuple[Finding, ...] = found.of_wiring
         self.separations_: tuple[Separation, ...] = ()
         self.unusable_, self.complete_ = fitter.unusable, result.complete
         self.tested_, self.stopped_ = result.complete, progress.ended
         self.remaining_ = found.remaining
         self.verdict_ = found.verdict  # the last: it says that all is there
+
+    def _keep_runs(self, found: Findings, names: list[str], part: MissingPart | None) -> None:
+        """Set the records, and what the models leave of them."""
+        fitter, trials = found.search.fitter, found.trials
+        fits = {"prior": fitter.prior, **{which: trial.fit for which, trial in trials.items()}}
+        causes = found.result.final.hypothesis.order
+        self.records_ = keep_records(fitter.problem, fits, causes, names)
+        error = math.nan if part is None else error_together(self.gain_, self.records_, "formula")
+        self.discrepancy_ = part and replace(part, error=error)
+        self.initial_states_ = self.records_.starts["extended"]
+        tells = np.any([fitter.held_out(trial).tells for trial in trials.values()], axis=0)
+        self.free_run_ = free_run_errors(self.records_, tells)
 
     def _conclude(self, investigation: Investigation, whole: tuple[Record, ...]) -> None:
         """Compute the remaining results, as far as the time allows."""

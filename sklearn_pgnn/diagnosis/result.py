@@ -1,6 +1,7 @@
 """The results of a diagnosis: causes with sizes, parameters, and the gain of the extension."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.squares_left import block_squares
+from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -180,13 +182,16 @@ class Gain:
     noise : float
         The noise of the records, the same that a first look estimates.
     explained_share, low, high : float
-        Share of the prior's error power above the noise that the extension removes, with its
+        Share of the prior's error power above the noise that the last model removes, with its
         95 % interval from bootstrapped windows.
     unit : str
         Unit of the errors.
-    free_run_refitted, free_run_extended : float
+    free_run_refitted, free_run_extended, free_run_formula : float
         Root mean square error in free run, over held-out records, or over the stretches that were
         held out.
+    formula : float, default=nan
+        Root mean square error of the model with the causes and the formula; not a number where
+        there is no formula.
 
     Examples
     --------
@@ -205,6 +210,8 @@ class Gain:
     unit: str = ""
     free_run_refitted: float = math.nan
     free_run_extended: float = math.nan
+    free_run_formula: float = math.nan
+    formula: float = math.nan
 
 
 def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCause, ...]:
@@ -229,8 +236,8 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
                     Rival(other.id, other.target, float(chance))
                     for (other, _), chance in zip(rivals, theirs, strict=True)
                 ),
-                summary=cause.summary,
-                check=cause.check,
+                summary=worded_for(fitter.problem.prior, cause.target, cause.summary),
+                check=worded_for(fitter.problem.prior, cause.target, cause.check),
                 probability=float(mine),
                 tested=result.complete,
                 outside=outside,
@@ -288,15 +295,23 @@ def retuned_parameters(
     return table
 
 
-def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> dict[str, Gain]:
-    """Measure the errors before and after extending, on held-out windows and in free run."""
+def measure_gain(
+    fitter: HypothesisFitter, trials: Mapping[str, FittedHypothesis], seed: int
+) -> dict[str, Gain]:
+    """Measure the errors of the prior and of hypotheses, on held-out windows and in free run.
+
+    The last hypothesis leaves the noise, and explains what was found.
+    """
     problem, rng = fitter.problem, np.random.default_rng(seed)
     windows = problem.windows
     counts = windows.sum_blocks(np.isfinite(windows.y).astype(float)).sum(axis=1)
-    held_out = {"refitted": fitter.held_out(result.base), "extended": fitter.held_out(result.final)}
+    held_out, last = (
+        {which: fitter.held_out(trial) for which, trial in trials.items()},
+        [*trials][-1],
+    )
     squares = {"prior": block_squares(problem, fitter.prior).sum(axis=1)}
     squares |= {which: found.block_squares.sum(axis=1) for which, found in held_out.items()}
-    white = np.sqrt(fitter.white_squares(result.final) / np.maximum(counts.sum(axis=0), 1))
+    white = np.sqrt(fitter.white_squares(trials[last]) / np.maximum(counts.sum(axis=0), 1))
     draws = rng.integers(0, len(counts), (DRAWS, len(counts)))
     gains = {}
     for i, output in enumerate(problem.prior.outputs):
@@ -307,8 +322,8 @@ def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> d
             return squares[which][rows, i].sum(axis=-1) / np.where(measured > 0, measured, np.nan)
 
         whole = np.arange(len(counts))
-        share = share_above_noise(power("prior", whole), power("extended", whole), noise)
-        shares = share_above_noise(power("prior", draws), power("extended", draws), noise)
+        share = share_above_noise(power("prior", whole), power(last, whole), noise)
+        shares = share_above_noise(power("prior", draws), power(last, draws), noise)
         low, high = np.nanpercentile(shares, [2.5, 97.5])  # some draws may have measured nothing
         errors = {which: float(scale * np.sqrt(power(which, whole))) for which in squares}
         runs = {f"free_run_{which}": _rms(h.free_run, i, scale) for which, h in held_out.items()}

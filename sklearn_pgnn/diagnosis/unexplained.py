@@ -53,11 +53,12 @@ class MissingPart:
     effect : Formula
         Terms that describe it; a model plus this effect contains them.
     error : float
-        Error over windows of the re-tuned prior with these terms, in units of the noise.
+        Held-out error over windows of the model with these terms, in units of the noise.
     model : PhysicsModel
         The model with the terms, fitted together.
-    course : ndarray of shape (n_samples,)
-        Its smoothed trajectory [unit of the target; per second for a state].
+    left : ndarray of shape (n_samples,)
+        What the records show there beside the terms, smoothed with the parameters fitted with
+        them [unit of the target; per second for a state].
     known : tuple of KnownTerms, default=()
         The terms that a parameter of the model or an effect of the catalogue expresses.
 
@@ -79,7 +80,7 @@ class MissingPart:
     effect: Formula
     error: float
     model: PhysicsModel = field(repr=False)
-    course: np.ndarray = field(repr=False)
+    left: np.ndarray = field(repr=False)
     known: tuple[KnownTerms, ...] = ()
 
     @property
@@ -211,7 +212,12 @@ def propose_again(
     return again if again.trial.fit.usable and np.all(np.isfinite(hidden.values)) else None
 
 
-def hidden_input(problem, base, channel, each_step) -> HiddenInput:
+def hidden_input(
+    problem: EstimationProblem,
+    base: FittedHypothesis,
+    channel: str,
+    each_step: Callable[[], object] | None = None,
+) -> HiddenInput:
     """Estimate by smoothing what acts at a channel and is not in the model."""
     model, scales = base.fit.model, problem.scales
     estimate = problem.states.estimate(model)

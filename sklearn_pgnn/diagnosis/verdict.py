@@ -64,10 +64,14 @@ def describe_remaining(
     final: FittedHypothesis,
     structure: Structure | None,
     smallest_share: float,
+    best: FittedHypothesis | None = None,
 ) -> Remaining:
-    """Describe the residuals that a hypothesis leaves; None for a structure that was not tested."""
+    """Describe the residuals that the accepted hypothesis leaves, beside the noise of the best.
+
+    The best is the one with a formula if there is one; the structure is None if not tested.
+    """
     left, white = fitter.squares_by_output(final), fitter.white_squares(final)
-    times = np.sqrt(fitter.held_out(final).windows.squares / white)
+    times = np.sqrt(fitter.held_out(final).windows.squares / fitter.white_squares(best or final))
     named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
     white_only = bool((left - white <= smallest_share * left).all())
     nothing = fitter.predicts_nothing(final, smallest_share)

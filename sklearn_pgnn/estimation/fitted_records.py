@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import SMALL_CHANGE
-from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
-from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_prior_spreads
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.free_starts import fit_starts
 from sklearn_pgnn.simulation.record_start import CLEARLY
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -50,10 +49,11 @@ class DiagnosisRecords:
         Names of the records.
     states : ndarray of shape (n_samples, n_states)
         The prior's states as estimated from the records.
-    starts : ndarray of shape (n_records, n_states)
-        The extended model's states at the start of every record.
+    starts : dict of str to ndarray of shape (n_records, n_states)
+        By model, its states at the start of every record in a free run.
     fits : dict of str to FittedWindows
-        The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
+        The ``"prior"``, the ``"refitted"`` prior, the ``"extended"`` model, and where there is a
+        formula the model with the causes and the ``"formula"``.
     problem : EstimationProblem
         The problem, for later evaluations.
     causes : tuple of Effect
@@ -63,46 +63,34 @@ class DiagnosisRecords:
     windows: ShootingWindows
     names: tuple[str, ...]
     states: np.ndarray
-    starts: np.ndarray
+    starts: Mapping[str, np.ndarray]
     fits: Mapping[str, FittedWindows]
     problem: EstimationProblem
     causes: tuple[Effect, ...]
 
+    @property
+    def best(self) -> str:
+        """The model that holds all that was found."""
+        return "formula" if "formula" in self.fits else "extended"
+
 
 def keep_records(
-    fitter: HypothesisFitter, base: FittedHypothesis, final: FittedHypothesis, names
+    problem: EstimationProblem, fits: Mapping[str, WindowFit], causes: tuple[Effect, ...], names
 ) -> DiagnosisRecords:
-    """Collect the data for the plots.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter of the hypotheses.
-    base, final : FittedHypothesis
-        The re-tuned prior, and the hypothesis that was accepted.
-    names : iterable of str
-        Names of the records.
-
-    Returns
-    -------
-    DiagnosisRecords
-        The records and the fits.
-    """
-    problem = fitter.problem
-    fits = {
-        "prior": fitter.prior,
-        "refitted": base.fit,
-        "extended": final.fit,
-    }
-    windows = replace(problem.windows, threads=1)
+    """Collect the data for the plots: the fits, and where their free runs begin."""
+    windows, known = replace(problem.windows, threads=1), {}
+    for fit in fits.values():
+        if id(fit) not in known:
+            begun = record_starts(problem, fit.model, fit.x0)
+            known[id(fit)] = fit_starts(fit.model, problem.windows, problem.states, begun)
     return DiagnosisRecords(
         windows=windows,
         names=tuple(map(str, names)),
         states=problem.states.estimate(problem.prior).x,
-        starts=record_starts(problem, final.fit.model, final.fit.x0),
+        starts={which: known[id(fit)] for which, fit in fits.items()},
         fits={which: _slim(fit) for which, fit in fits.items()},
         problem=replace(problem, windows=windows),
-        causes=final.hypothesis.order,
+        causes=causes,
     )
 
 
@@ -133,7 +121,7 @@ def _noticeable(model: PhysicsModel, windows: ShootingWindows, state: str) -> fl
     return SMALL_CHANGE * float(np.std(windows.u[:, place]))
 
 
-def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
+def as_judged(problem: EstimationProblem, fit: WindowFit | FittedWindows) -> PhysicsModel:
     """Return a fitted model with the settings of its evaluation, for the user.
 
     These are its hold and substeps, the prior's spreads, and as `initial_state` the fitted start of
@@ -143,7 +131,8 @@ def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
     starts = record_starts(problem, model, fit.x0)
     begun = _begun_elsewhere(model, windows, starts)
     settled = {state: name for state, name in model.settled.items() if state not in begun}
-    first = dict(zip(model.states, starts[0].tolist(), strict=True))
+    (start,) = fit_starts(model, windows, problem.states, starts, last=1)
+    first = dict(zip(model.states, start.tolist(), strict=True))
     found = {s: v for s, v in first.items() if s not in {*problem.states.told[0], *settled}}
     return model.replace(
         initial_state={**model.initial_state, **found, **begun},

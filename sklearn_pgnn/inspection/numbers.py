@@ -130,14 +130,15 @@ def _rounded(value: float, places: int) -> str:
 
 
 def readable(formula: str) -> str:
-    """Write an expression for readers: raised powers, dots for products.
+    """Write an expression for readers: raised powers, dots for products, one sign for minus.
 
     Examples
     --------
-    >>> readable("-0.2005*F**2*v"), readable("x**-0.5")
-    ('-0.2005·F²·v', 'x**-0.5')
+    >>> readable("-0.2005*F**2*v - 3*v"), readable("x**-0.5")
+    ('−0.2005·F²·v − 3·v', 'x**-0.5')
     """
-    return re.sub(r"(?<!\*)\*(?!\*)", "·", _raised(formula))
+    signed = re.sub(r"^-|(?<= )-(?= )", "−", _raised(formula))
+    return re.sub(r"(?<!\*)\*(?!\*)", "·", signed)
 
 
 def typeset_unit(unit: str) -> str:

@@ -9,7 +9,12 @@ from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
 from sklearn_pgnn.inspection.named_terms import known_sentence
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
 from sklearn_pgnn.inspection.runaway import runaway_sentence
-from sklearn_pgnn.inspection.yardstick import in_free_run, is_adequate_as_given, over_windows
+from sklearn_pgnn.inspection.yardstick import (
+    in_free_run,
+    is_adequate_as_given,
+    over_windows,
+    shown_models,
+)
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
@@ -286,12 +291,24 @@ def _described(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
         return ""
-    on, left = dependence(diagnosis, part), times(part.error)
+    on, errors = dependence(diagnosis, part), over_windows(diagnosis)
+    left = [f"{times(e.best)} {_of(output, 'the noise', errors)}" for output, e in errors.items()]
+    free = _free_with_formula(diagnosis)
     return (
         f"Something is missing in {place_name(diagnosis.model, part.target)}. {on}With "
-        f"{readable(part.formula)} added there the model leaves {left} the noise. "
-        f"{known_sentence(diagnosis, part)}"
+        f"{readable(part.formula)} added there the model leaves {listed(left)} over held-out "
+        f"windows{free}. {known_sentence(diagnosis, part)}"
     ).rstrip()
+
+
+def _free_with_formula(diagnosis) -> str:
+    """Return what the model with the formula leaves in free run, where that is informative."""
+    runs = in_free_run(diagnosis)
+    told = {o: run for o, run in runs.items() if diagnosis.free_run_[o].tells}
+    left = listed(
+        f"{times(run.best)}{' of ' + o if len(runs) > 1 else ''}" for o, run in told.items()
+    )
+    return f", and in free run {left}" if told else ""
 
 
 def _others(diagnosis) -> str:
@@ -322,10 +339,14 @@ def _order(diagnosis) -> str:
 
 
 def _worth(diagnosis) -> str:
-    """Return the errors of the given, the re-tuned and the extended model, output by output."""
-    errors = over_windows(diagnosis)
-    left = listed(_of(output, _three(e), errors) for output, e in errors.items())
-    return f"On data held out of the fit it leaves, in units of the noise: {left}."
+    """Return the errors of the models, output by output."""
+    errors, shown = over_windows(diagnosis), shown_models(diagnosis)
+    left = "; ".join(
+        (f"{output} " if len(errors) > 1 else "")
+        + ", ".join(f"{_bare(getattr(e, which))} {said}" for which, said in shown.items())
+        for output, e in errors.items()
+    )
+    return f"Error on held-out data, in units of the noise: {left}."
 
 
 def _in_free_run(diagnosis) -> str:
@@ -351,11 +372,11 @@ def _worse_in_free_run(diagnosis) -> str:
     runs = in_free_run(diagnosis).items()
     found = {output: error for output, error in runs if diagnosis.free_run_[output].tells}
     much = 1.0 / math.sqrt(1.0 - diagnosis.smallest_share)
-    worse = {output: e for output, e in found.items() if not e.extended <= much * e.prior}
+    worse = {output: e for output, e in found.items() if not e.best <= much * e.prior}
     if not worse:
         return ""
     rise = [
-        _of(output, f"{times(e.prior)} as given, {times(e.extended)} now", found)
+        _of(output, f"{times(e.prior)} as given, {times(e.best)} now", found)
         for output, e in worse.items()
     ]
     is_short = any(finding.kind == "short records" for finding in diagnosis.data_quality_)
@@ -367,10 +388,9 @@ def _worse_in_free_run(diagnosis) -> str:
     )
 
 
-def _three(errors) -> str:
-    """Return the errors of the three models."""
-    given, refitted, extended = (times(e) for e in (errors.prior, errors.refitted, errors.extended))
-    return f"{given} as given, {refitted} re-tuned, {extended} extended"
+def _bare(error: float) -> str:
+    """Return an error in units of the noise as a bare number."""
+    return times(error).removesuffix(" ×")
 
 
 def separation_sentence(separation) -> str:
@@ -405,7 +425,7 @@ def separation_sentence(separation) -> str:
         f"To separate {one} from {other}, apply {best.excitation}, {best.input} by "
         f"{number(best.amplitude, 2)}{unit} about {number(best.offset, 2)}{unit}, for "
         f"{number(best.duration, 3)} s ({reached}){often}. The two then differ by "
-        f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
+        f"{times(best.difference)} the noise, {number(best.evidence, 2)} standard errors "
         f"in one record."
     )
 

@@ -32,7 +32,7 @@ from sklearn_pgnn.inspection.words import (
     unusable_sentence,
     verdict_sentence,
 )
-from sklearn_pgnn.inspection.yardstick import together
+from sklearn_pgnn.inspection.yardstick import shown_models, together
 
 
 def report_content(diagnosis, provenance: Provenance, detectability=None) -> dict:
@@ -42,7 +42,7 @@ def report_content(diagnosis, provenance: Provenance, detectability=None) -> dic
         **_top(diagnosis),
         **_source(diagnosis, provenance),
         **_story(diagnosis, formula),
-        **_appendix(diagnosis, formula),
+        **_appendix(diagnosis),
         "smallest": smallest_rows(detectability),
         "power": "" if detectability is None else f"{100 * detectability.power:.0f}",
     }
@@ -80,31 +80,32 @@ def _story(diagnosis, formula: FoundFormula | None) -> dict:
     maps = []
     if formula or leaves_more(diagnosis):
         maps = part("maps of what is left", residual_maps, diagnosis, formula, without=[])
-    free, windowed, others = curve_sections(diagnosis, formula)
+    free, windowed, others = curve_sections(diagnosis)
     return {
         "not_compared": "" if diagnosis.complete_ else NOT_COMPARED,
         "causes": told_causes(diagnosis, members),
         "formula": None if formula is None else told_formula(formula),
         "characteristics": drawn,
         "maps": maps,
-        "curve_keys": keys(diagnosis, formula),
+        "curve_keys": keys(diagnosis),
         "free_run": free,
         "windowed": windowed,
         "window": f"{number(diagnosis.window_, 3)} s",
         "other_records": others,
         "candidates": part("candidates", dot_plot, diagnosis, without=None),
         "retuned_only": times(together(diagnosis).refitted),
-        "tests": part("tests of what is left", residual_tests, diagnosis, formula, without={}),
+        "tests": part("tests of what is left", residual_tests, diagnosis, without={}),
         "smallest_share": percent(diagnosis.smallest_share),
     }
 
 
-def _appendix(diagnosis, formula: FoundFormula | None) -> dict:
+def _appendix(diagnosis) -> dict:
     return {
+        "models": list(shown_models(diagnosis).values()),
         "errors": error_rows(diagnosis),
         "forest": forest(diagnosis),
         "pinned": spread_sentence(diagnosis),
-        "correlation": part("correlations", correlation, diagnosis, formula, without=None),
+        "correlation": part("correlations", correlation, diagnosis, without=None),
         "equation_blocks": _equation_blocks(diagnosis),
         "unusable": [
             {"name": candidate_name(effect, target), "reason": reason}

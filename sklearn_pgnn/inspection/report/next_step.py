@@ -8,6 +8,7 @@ from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.runaway import runaway_remedy
 from sklearn_pgnn.inspection.words import place_name, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given
+from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.record_quality.wording import listed
 
 
@@ -66,8 +67,11 @@ def _separate(diagnosis) -> str:
 
 def _checks(diagnosis, cause) -> str:
     """Return how a cause and its rivals are checked on the rig."""
-    known = known_effects(diagnosis)
-    every = (cause.check, *(known[rival.effect].check for rival in cause.confused_with))
+    known, model = known_effects(diagnosis), diagnosis.model
+    theirs = (
+        worded_for(model, rival.target, known[rival.effect].check) for rival in cause.confused_with
+    )
+    every = (cause.check, *theirs)
     return " ".join(dict.fromkeys(check for check in every if check))
 
 

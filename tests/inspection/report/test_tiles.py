@@ -8,6 +8,7 @@ import pytest
 from situations import situation
 
 from sklearn_pgnn.diagnosis import Remaining, Rival, Structure
+from sklearn_pgnn.inspection.numbers import times
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.report.tiles import make_tiles
 from sklearn_pgnn.record_quality.finding import Finding
@@ -31,10 +32,19 @@ def test_a_cause_that_records_cannot_tell_is_amber_with_its_rivals():
     assert "input bias of F" in sure.text
 
 
-def test_what_no_one_can_name_is_red_and_parameters_are_those_beside_the_formula():
+def test_what_only_a_formula_describes_is_amber_and_parameters_are_those_beside_it():
     diagnosis = situation("unexplained")
-    assert states(diagnosis)[:3] == ["bad", "bad", "good"]
+    left, sure = make_tiles(diagnosis)[:2]
+    assert (left.state, sure.state, sure.headline) == ("good", "look", "a formula, no cause")
+    assert left.headline == f"{times(diagnosis.discrepancy_.error)} noise"
     assert parameter_facts(diagnosis).at_limit == ()
+
+
+def test_what_neither_name_nor_formula_describes_is_red():
+    diagnosis = copy(situation("unexplained"))
+    diagnosis.discrepancy_ = None
+    diagnosis.gain_ = {"v": replace(diagnosis.gain_["v"], formula=math.nan)}
+    assert states(diagnosis)[:2] == ["bad", "bad"]
 
 
 def test_a_parameter_at_its_limit_is_amber():
