@@ -80,8 +80,7 @@ class Findings:
     def remaining(self) -> Remaining:
         """What is left of the records with the causes."""
         share = self.search.criterion.smallest_share
-        fitter, final, best = self.search.fitter, self.result.final, [*self.trials.values()][-1]
-        return describe_remaining(fitter, final, self.structure, share, best)
+        return describe_remaining(self.search.fitter, self.result.final, self.structure, share)
 
     @property
     def verdict(self) -> str:

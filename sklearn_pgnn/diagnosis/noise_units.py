@@ -3,8 +3,7 @@ r"""Errors over held-out windows in units of the noise: the common measure of al
 .. math:: e = \sqrt{\frac{\sum_o n_o (r_o / s_o)^2}{\sum_o n_o (w_o / s_o)^2}}
 
 with the root mean square error :math:`r_o` of output :math:`o` on :math:`n_o` samples, its noise
-:math:`w_o` (the white part of what the extended model, with a formula if there is one, leaves),
-and its scale :math:`s_o` in the fit. Of a single output it is :math:`r / w`.
+:math:`w_o`, and its scale :math:`s_o` in the fit. Of a single output it is :math:`r / w`.
 """
 
 import math

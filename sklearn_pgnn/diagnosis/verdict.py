@@ -33,7 +33,7 @@ class Remaining:
         White noise; coloured noise or an external disturbance, which depend on nothing that was
         recorded; or structure, which does.
     times_noise : dict of str to float
-        Held-out error of every output over windows, as a multiple of its white part.
+        Held-out error of every output over windows, as a multiple of its noise.
     law : Structure
         The law without a name that explains most of a structure: its place, its share of what is
         left, its memory, and the states, inputs and the time that it depends on.
@@ -55,8 +55,10 @@ class Remaining:
 
     @property
     def is_much(self) -> bool:
-        """Whether more than twice the noise of some output is left."""
-        return any(not times <= MUCH for times in self.times_noise.values())
+        """Whether more than twice the noise of some output is left, and not only white noise."""
+        return self.kind != "noise" and any(
+            not times <= MUCH for times in self.times_noise.values()
+        )
 
 
 def describe_remaining(
@@ -64,14 +66,11 @@ def describe_remaining(
     final: FittedHypothesis,
     structure: Structure | None,
     smallest_share: float,
-    best: FittedHypothesis | None = None,
 ) -> Remaining:
-    """Describe the residuals that the accepted hypothesis leaves, beside the noise of the best.
-
-    The best is the one with a formula if there is one; the structure is None if not tested.
-    """
+    """Describe the residuals that a hypothesis leaves; None for a structure that was not tested."""
     left, white = fitter.squares_by_output(final), fitter.white_squares(final)
-    times = np.sqrt(fitter.held_out(final).windows.squares / fitter.white_squares(best or final))
+    found = fitter.held_out(final).windows
+    times = np.sqrt(found.squares / np.where(found.counts > 0, found.counts, np.nan))
     named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
     white_only = bool((left - white <= smallest_share * left).all())
     nothing = fitter.predicts_nothing(final, smallest_share)

@@ -19,7 +19,9 @@ SHARE = 0.05
 
 def described(left, white, structure=None, nothing=False):
     """Describe what is left of two outputs, given its squares and their white part."""
-    held_out = SimpleNamespace(windows=SimpleNamespace(squares=np.array(left, dtype=float)))
+    held_out = SimpleNamespace(
+        windows=SimpleNamespace(squares=np.array(left, dtype=float), counts=np.array(white))
+    )
     fitter = SimpleNamespace(
         held_out=lambda trial: held_out,
         predicts_nothing=lambda trial, smallest_share: nothing,
