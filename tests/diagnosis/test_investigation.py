@@ -12,6 +12,7 @@ from servo import SERVO, STEP, follow_steps
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import investigation
 from sklearn_pgnn.estimation.progress import TimeIsUp
+from sklearn_pgnn.simulation.substeps import Steps
 
 FAN = PhysicsModel({"v": "rad/s"}, {"v": "(K*u - v)/T"}, {"K": 2.0, "T": 0.3}, {"u": "V"})
 DRY, DRY_CAUSE = effects.CoulombFriction("v", level=3.0), effects.CoulombFriction("v")
@@ -52,6 +53,10 @@ def test_steps_are_so_fine_as_the_retuned_prior_needs_not_only_the_prior():
     assert retuned.low <= true <= retuned.high
 
 
+def four_unless_told(fitter, trial, *, is_told):
+    return fitter.problem.windows.steps if is_told else Steps("rk4", 4)
+
+
 @pytest.mark.parametrize("told", [None, 1])
 def test_where_nothing_is_found_but_the_steps_matter_it_is_searched_again(monkeypatch, told):
     searched = []
@@ -62,7 +67,7 @@ def test_where_nothing_is_found_but_the_steps_matter_it_is_searched_again(monkey
         return search(self, fitter)
 
     monkeypatch.setattr(investigation.Investigation, "_search", counted)
-    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
     X, y = follow_steps(SERVO)
     found = ModelDiagnosis(SERVO, catalogue=("input_bias",), substeps=told).fit(X, y)
     assert found.verdict_ == "model_adequate"
@@ -95,7 +100,7 @@ def test_where_time_ends_in_finer_steps_all_is_of_the_steps_before(monkeypatch):
         self._use(fitter, self.ladder.candidates)
         end()
 
-    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
     monkeypatch.setattr(investigation.Search, "in_steps_of", use_and_end)
     found = ModelDiagnosis(FAN, catalogue=("coulomb_friction",)).fit(*spin(-8.0))
     assert (found.verdict_, found.substeps_) == ("cause_named", 1)
@@ -109,7 +114,7 @@ def test_a_search_that_time_ends_takes_no_place_of_one_that_came_to_its_end(monk
         is_first = self.fitter.problem.windows.substeps == 1
         return search(self, begin) if is_first else self.so_far()
 
-    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
     monkeypatch.setattr(investigation.Search, "run", cut_short_in_finer_steps)
     X, y = spin(-8.0)
     found = ModelDiagnosis(FAN, catalogue=("input_bias",)).fit(X, y)
@@ -131,7 +136,7 @@ def test_what_is_left_is_asked_again_where_finer_steps_drop_a_cause(monkeypatch)
     y = fan.simulate(t, u, [0.0]).y[:, 0] + 0.02 * rng.normal(size=t.size)
     X, fit = pd.DataFrame({"t": t, "u": u}), ModelDiagnosis(FAN, catalogue=KINDS).fit
     assert {cause.effect for cause in fit(X, y).causes_} == set(KINDS)
-    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
     monkeypatch.setattr(investigation.Search, "in_steps_of", without_friction)
     found = fit(X, y)
     assert [cause.effect for cause in found.causes_] == ["sensor_bias"]
