@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
@@ -124,8 +125,12 @@ def looks_like_noise(pieces, times) -> bool:
     """Return whether the finest differences alternate nearly everywhere, as those of noise do.
 
     Samples at the ends of the range are left out: a sensor may be cut there. What is finer than any
-    simulation is the computer's rounding.
+    simulation is the computer's rounding. A piece without any measured sample says nothing.
     """
+    measured = [np.isfinite(piece).any() for piece in pieces]
+    if not any(measured):
+        return False
+    pieces, times = (list(compress(each, measured)) for each in (pieces, times))
     ends = np.nanmin(np.concatenate(pieces)), np.nanmax(np.concatenate(pieces))
     inner = [np.where(np.isin(piece, ends), np.nan, piece) for piece in pieces]
     levels = [noise_level(*piece) for piece in zip(inner, times, strict=True)]

@@ -35,6 +35,22 @@ def test_rest_before_and_after_a_noisy_motion_is_no_clipping():
     assert find_clipping(signal(cut)) is not None
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_record_that_lacks_the_output_changes_nothing():
+    rng, t = np.random.default_rng(0), 0.01 * np.arange(800)
+    loud, quiet = (np.sin(3 * t) + noise * rng.standard_normal(t.size) for noise in (0.1, 0.01))
+    whole, lacking = signal(loud, quiet), signal(loud, np.full(800, np.nan), quiet)
+    assert whole.noisy
+    assert lacking.noisy
+    found = find_uneven_noise(lacking)
+    assert found.value == find_uneven_noise(whole).value
+    assert "in record 0 and" in found.text
+    assert found.text.endswith("in record 2")
+    for check in (find_clipping, find_quantisation, find_held_samples):
+        assert (check(lacking) is None) == (check(whole) is None)
+    assert not signal(np.full(800, np.nan)).noisy
+
+
 @pytest.mark.slow
 def test_record_checks_are_silent_on_many_clean_signals():
     """Every check speaks up by chance in at most one of a thousand; 2 % in all is asked for."""
