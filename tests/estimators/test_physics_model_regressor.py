@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import sklearn_pgnn
 from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor, systems
 from sklearn_pgnn.estimators.parameter_search import find_parameters
-from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning
+from sklearn_pgnn.exceptions import FitWarning, RecordWarning, SimulationWarning
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.trajectories import read_records
