@@ -29,9 +29,7 @@ def folder() -> Path | None:
 
 
 def _of_user() -> Path | None:
-    """Return the folder in the user's home; None for a user without one, or with one that cannot
-    be written.
-    """
+    """Return the folder in the user's home; None without a home that can be written."""
     found = Path(AppDirs("sklearn_pgnn", appauthor=False).user_cache_dir)
     if not found.is_absolute():
         return None

@@ -1,4 +1,4 @@
-"""Compiled code has a folder, of a user without a home as well, and nobody else can have made it."""
+"""Compiled code has a folder, without a home as well, that nobody else can have made."""
 
 import os
 import subprocess
