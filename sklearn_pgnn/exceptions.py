@@ -77,7 +77,7 @@ class ModelWarning(UserWarning):
     """
 
 
-class UnitWarning(UserWarning):
+class UnitWarning(ModelWarning):
     """The units of an equation in a model file are inconsistent; the message names the term.
 
     Examples

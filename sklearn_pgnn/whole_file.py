@@ -1,12 +1,25 @@
 """Atomic writing of files: complete or not at all."""
 
 import os
+import stat
 from contextlib import suppress
 from pathlib import Path
 from uuid import uuid4
 
 #: file permissions before the user's mask: for all, or for the user alone
 USUAL, PRIVATE = 0o666, 0o600
+
+
+def is_stream(path: str | os.PathLike) -> bool:
+    """Return whether a path leads to a pipe or a device, which may have no end.
+
+    Raises
+    ------
+    OSError
+        If there is nothing.
+    """
+    mode = os.stat(path).st_mode
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
 def write_whole(path: Path, content: str | bytes, mode: int = USUAL) -> None:

@@ -27,12 +27,15 @@ from sklearn_pgnn.physics.model_parts import (
     as_parameters,
     as_simulation,
     as_state,
+    as_text,
     as_units,
     check_columns,
     check_delays,
+    check_inertia,
     check_keys,
     check_names,
     check_settled,
+    check_size,
     parameter_dict,
 )
 from sklearn_pgnn.physics.model_units import unit_of
@@ -119,6 +122,7 @@ class PhysicsModel:
         if not states:
             raise ModelError("expected at least one state, got none.", ("states",))
         check_names(states, inputs, parameters)
+        check_size(states, parameters)
         check_keys("equations", self.equations, states, complete=True)
         check_keys("inertia", self.inertia, states)
         check_keys("energy", self.energy, ENERGY_PARTS)
@@ -142,7 +146,7 @@ class PhysicsModel:
             )
 
         values = {
-            "name": str(self.name),
+            "name": as_text(str(self.name), ("name",)),
             "states": MappingProxyType(states),
             "inputs": MappingProxyType(inputs),
             "parameters": MappingProxyType(parameters),
@@ -158,6 +162,7 @@ class PhysicsModel:
             "columns": MappingProxyType(dict(self.columns or {})),
             "simulation": MappingProxyType(as_simulation(self.simulation or {})),
         }
+        check_inertia(values["inertia"])
         for key, value in values.items():
             object.__setattr__(self, key, value)
 
@@ -213,6 +218,21 @@ class PhysicsModel:
     def free_parameters(self) -> tuple[str, ...]:
         """Names of the parameters that may be re-tuned."""
         return tuple(name for name, p in self.parameters.items() if not p.fixed)
+
+    @property
+    def unused_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters on which nothing depends.
+
+        Examples
+        --------
+        >>> PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0, "K": 1.0}).unused_parameters
+        ('K',)
+        """
+        parts = (self.equations, self.outputs, self.inertia, self.energy)
+        used = {
+            symbol.name for part in parts for each in part.values() for symbol in each.free_symbols
+        }
+        return tuple(name for name in self.parameters if name not in {*used, *self.delays.values()})
 
     def unit(self, name: str) -> str:
         """Return the unit of a state, an input, a parameter or an output.

@@ -16,6 +16,7 @@ from sklearn_pgnn.physics.effects.rates import (
     may_be_speed,
     unit_of_force,
 )
+from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded
 
@@ -187,7 +188,7 @@ def _drive(model, state: str) -> sympy.Expr:
     """Return the addends of a velocity's force with inputs, or else with first-order states."""
     inertia = model.inertia.get(state, sympy.Integer(1))
     known = {state, model.kinematic_pairs.get(state)}
-    addends = sympy.Add.make_args(sympy.expand(_unbounded(model.equations[state]) * inertia))
+    addends = sympy.Add.make_args(expanded(_unbounded(model.equations[state]) * inertia))
     others = [set(map(str, part.free_symbols)) - known for part in addends]
     free = [not part.has(symbol(state)) for part in addends]
     for driving in ({*model.inputs, *model.settled}, set(first_order_states(model))):
