@@ -10,6 +10,9 @@ from sklearn_pgnn.cli.signals import stoppable
 from sklearn_pgnn.exceptions import UNUSABLE
 from sklearn_pgnn.extras import EXTRA_OF
 
+#: characters of a file's name that an error shows
+SHOWN = 200
+
 
 class Unusable(click.ClickException):
     """Input that cannot be used: one line on stderr."""
@@ -95,7 +98,17 @@ def _is_not_ours(error: Exception) -> bool:
 def _told(error: Exception) -> Exception:
     if isinstance(error, click.ClickException):
         return error
+    if isinstance(error, OSError) and error.errno is not None:
+        return Unusable(one_line(f"{_shortened(error.filename)}: {error.strerror}."))
+    if isinstance(error, MemoryError):
+        return Unusable("expected input that fits into memory, got more. Remedy: fewer records.")
     return Unusable(one_line(error)) if isinstance(error, UNUSABLE) or _lacks(error) else Bug(error)
+
+
+def _shortened(path: object) -> str:
+    """Return the name of a file for an error; what has none is a stream."""
+    name = "output" if path is None else str(path)
+    return name if len(name) <= SHOWN else f"{name[:SHOWN]} ..."
 
 
 def _lacks(error: Exception) -> bool:

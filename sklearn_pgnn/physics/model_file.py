@@ -171,15 +171,15 @@ class _Reader:
         return node
 
     def text(self) -> str:
+        if "\0" in self.path:
+            self.refuse(None, "expected the name of a model file, got one with a null character.")
         try:
             if is_stream(self.path):
-                self.refuse(None, "expected a model file, got a pipe or a device.")
+                raise OSError(0, "a pipe or a device")
             with open(self.path, "rb") as file:
                 raw = file.read(MAX_BYTES + 1)
         except OSError as error:
             self.refuse(None, f"expected a model file, got: {error.strerror}.")
-        except ValueError:
-            self.refuse(None, "expected the name of a model file, got one with a null character.")
         if len(raw) > MAX_BYTES:
             self.refuse(None, f"expected at most {MAX_BYTES} bytes, got more.")
         try:

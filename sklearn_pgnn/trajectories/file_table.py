@@ -357,7 +357,7 @@ class FileTable(ABC):
         """Return the trajectory of every row; by default the file's stem."""
         k = self.find(TRAJECTORY)
         if k is None:
-            return [Path(self.path).stem] * self.size
+            return [stem_of(self.path)] * self.size
         cells = self.cells(k)
         for row, cell in enumerate(cells):
             if not isinstance(cell, str) and pd.isna(cell):
@@ -457,13 +457,18 @@ def read_each(read, paths, model: PhysicsModel, sample_time) -> tuple[pd.DataFra
     if not paths:
         raise RecordError("expected at least one file of records, got none.")
     tables, outputs = [], []
-    for path, name in zip(paths, _unique([Path(path).stem for path in paths]), strict=True):
+    for path, name in zip(paths, _unique([stem_of(path) for path in paths]), strict=True):
         X, y = read(path, model, sample_time)
         own = X[TRAJECTORY]
-        alone = own.nunique() == 1 and own.iloc[0] == Path(path).stem
+        alone = own.nunique() == 1 and own.iloc[0] == stem_of(path)
         tables.append(X.assign(**{TRAJECTORY: name if alone else name + "/" + own}))
         outputs.append(y)
     return pd.concat(tables, ignore_index=True), pd.concat(outputs, ignore_index=True)
+
+
+def stem_of(path) -> str:
+    """Return the stem of a file's name, with question marks for bytes that are no text."""
+    return Path(path).stem.encode(errors="replace").decode()
 
 
 def _unique(names: list[str]) -> list[str]:
