@@ -18,16 +18,19 @@ def take_any_text() -> None:
 
 def run_to_the_end(command: Callable[[], object]) -> None:
     """Run a command; when it has ended nobody waits for workers, and a signal has no traceback."""
+    code = 1
     try:
         command()
     except OSError as error:  # of what click writes
+        code = 2
         sys.stderr.write(f"Error: output: {error.strerror}.\n")
-        sys.exit(2)
+        sys.exit(code)
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+        raise
     finally:
         end_workers()
         _drop_unwritten()
-        error = sys.exc_info()[1]
-        code = error.code if isinstance(error, SystemExit) and isinstance(error.code, int) else 1
         _end_on_signals(code)
 
 

@@ -1,4 +1,4 @@
-"""The process that works for a visitor: commanded by lines of JSON, ended to cancel."""
+"""The process that works for the page: commanded by lines of JSON, ended to cancel."""
 
 import asyncio
 import contextlib
@@ -9,9 +9,18 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from sklearn_pgnn.cli.app.limits import MEMORY
+
 MODULE = "sklearn_pgnn.cli.app.worker"
 #: longest line that the process may answer [byte]
 LINE = 4_000_000
+
+
+#: why the process may have ended by itself
+NO_MEMORY = (
+    f"The work was ended, perhaps since it needed more than {MEMORY / 1e9:g} GB of memory. "
+    f"Remedy: fewer or smaller files, or sklearn-pgnn diagnose."
+)
 
 
 class Refused(Exception):
