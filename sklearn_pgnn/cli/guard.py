@@ -10,8 +10,8 @@ from sklearn_pgnn.cli.signals import stoppable
 from sklearn_pgnn.exceptions import UNUSABLE
 from sklearn_pgnn.extras import EXTRA_OF
 
-#: characters of a file's name that an error shows
-SHOWN = 200
+#: characters of a file's name that an error shows, and of a line of text
+SHOWN, LONGEST = 200, 2000
 
 
 class Unusable(click.ClickException):
@@ -44,14 +44,16 @@ class Bug(click.ClickException):
 
 
 def one_line(text: object) -> str:
-    r"""Return a text on one line, without control characters.
+    r"""Return a text on one line, without control characters, without the middle if it is long.
 
     Examples
     --------
     >>> one_line("two\nlines \x1b[31m")
     'two lines ?[31m'
     """
-    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+    half = LONGEST // 2
+    return line if len(line) <= LONGEST else f"{line[:half]} ... {line[-half:]}"
 
 
 @contextmanager

@@ -192,8 +192,10 @@ def test_a_link_from_another_site_another_tab_and_a_reload_keep_the_session(visi
 
 
 @pytest.mark.slow
-def test_a_page_of_another_server_on_this_computer_gets_nothing(visit, url):
-    page, got = visit(), []
+def test_a_page_of_another_server_on_this_computer_gets_nothing(browser, url):
+    context, got = browser.new_context(), []
+    page = context.new_page()
+    page.goto(url)
     with TCPServer(("127.0.0.1", 0), recording(got)) as other:
         thread = Thread(target=other.serve_forever)
         thread.start()
@@ -203,7 +205,8 @@ def test_a_page_of_another_server_on_this_computer_gets_nothing(visit, url):
         origin = url.rsplit("/", 2)[0]
         told = page.evaluate(
             """async origin => {
-                const ask = (path, how) => fetch(origin + path, how).then(a => a.type, () => "none");
+                const ask = (path, how) =>
+                    fetch(origin + path, how).then(a => a.type, () => "none");
                 const own = { credentials: "include", mode: "no-cors" };
                 return [await ask("/sections", own), await ask("/records/1", { method: "DELETE" })];
             }""",
@@ -216,7 +219,8 @@ def test_a_page_of_another_server_on_this_computer_gets_nothing(visit, url):
     assert got
     assert not any(secret in str(each) or "Cookie" in each or "Referer" in each for each in got)
     page.goto(url)
-    assert page.context.cookies() == []
+    assert context.cookies() == []
+    context.close()
 
 
 def recording(got):
