@@ -21,7 +21,7 @@ class ModelError(ValueError):
     equations.x: unknown name 'T'; known names are x ...
     """
 
-    def __init__(self, message, where=()):
+    def __init__(self, message: str, where: tuple[str, ...] = ()):
         super().__init__(message)
         self.where = tuple(where)
 

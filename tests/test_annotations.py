@@ -38,7 +38,7 @@ def resolved(name):
 
 
 def callables(found):
-    """Yield a function, or the public methods and properties of a class that are of this package."""
+    """Yield a function, or the methods and properties of a class that this package defines."""
     if not inspect.isclass(found):
         yield found.__name__, found
         return

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs
@@ -20,7 +21,7 @@ def to_casadi(
     friction_width: float | None = None,
     free: Sequence[str] = (),
     substeps: int | None = None,
-):
+) -> Any:
     r"""Return a model as a CasADi function, with derivatives, for optimal control.
 
     Without an `interval` the function gives the rates, :math:`(x, u, p, t) \mapsto (f, g)`; with

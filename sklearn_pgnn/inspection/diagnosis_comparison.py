@@ -6,7 +6,9 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number
@@ -137,7 +139,7 @@ class DiagnosisComparison:
         names = list(self.names)
         return {"names": names, "differences": list(self.differences), "quantities": quantities}
 
-    def to_html(self, path) -> None:
+    def to_html(self, path: FilePath) -> None:
         """Write the comparison as a report, one self-contained file.
 
         Parameters
@@ -150,7 +152,7 @@ class DiagnosisComparison:
         Path(path).write_text(render_comparison(self), encoding="utf-8")
 
 
-def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisComparison:
+def compare(one: Any, other: Any, *, names: Sequence[str] | None = None) -> DiagnosisComparison:
     """Compare two diagnoses.
 
     Parameters

@@ -13,6 +13,7 @@ from typing import Any
 
 import sympy
 
+from sklearn_pgnn.annotations import ArrayLike, FilePath
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import (
     TIME,
@@ -288,7 +289,7 @@ class PhysicsModel:
 
     # -- new models from this one ----------------------------------------------------------------
 
-    def replace(self, **changes) -> "PhysicsModel":
+    def replace(self, **changes: Any) -> "PhysicsModel":
         """Return a copy of the model with some constructor parameters changed.
 
         Parameters
@@ -303,7 +304,7 @@ class PhysicsModel:
         """
         return replace(self, **changes)
 
-    def with_parameters(self, **values) -> "PhysicsModel":
+    def with_parameters(self, **values: Any) -> "PhysicsModel":
         """Return the model with other parameter values.
 
         Parameters
@@ -440,7 +441,7 @@ class PhysicsModel:
         return cls(**data)
 
     @classmethod
-    def from_yaml(cls, path) -> "PhysicsModel":
+    def from_yaml(cls, path: FilePath) -> "PhysicsModel":
         """Read a model file.
 
         Parameters
@@ -460,7 +461,7 @@ class PhysicsModel:
         """
         return reading("read_model")(path)
 
-    def to_yaml(self, path=None) -> str:
+    def to_yaml(self, path: FilePath | None = None) -> str:
         """Write the model as a model file.
 
         Parameters
@@ -477,7 +478,9 @@ class PhysicsModel:
 
     # -- readings --------------------------------------------------------------------------------
 
-    def simulate(self, t, u=None, x0=None, **options):
+    def simulate(
+        self, t: ArrayLike, u: ArrayLike | None = None, x0: ArrayLike | None = None, **options: Any
+    ) -> Any:
         """Simulate the model at given sample times.
 
         Parameters

@@ -10,6 +10,7 @@ from typing import NoReturn
 
 import pandas as pd
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.file_table import FileTable, read_each
@@ -21,7 +22,7 @@ _TOLD = re.compile(r"sep=(.)\s*")
 
 
 def read_csv(
-    path, model: PhysicsModel, sample_time: float | None = None
+    path: FilePath, model: PhysicsModel, sample_time: float | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     r"""Read a CSV file as the X and y of a model.
 
