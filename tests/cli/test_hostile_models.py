@@ -93,90 +93,19 @@ WHOLE = {
 }
 scalar = st.sampled_from(
     [
-        *(
-            "",
-            "~",
-            "null",
-            "true",
-            "0",
-            "-1",
-            ".nan",
-            ".inf",
-            "1e999",
-            "1_000",
-            "0o7",
-            "2026-01-01",
-        ),
-        *(
-            "1" * 5000,
-            "a" * 5000,
-            '"\\uDFFF"',
-            '"\\0"',
-            "'x'",
-            "x: y",
-            "[1, 2]",
-            "{}",
-            "[]",
-            "{a: b}",
-        ),
+        *("", "~", "null", "true", "0", "-1", ".nan", ".inf", "1e999", "1_000", "0o7", "x: y"),
+        *("2026-01-01", "1" * 5000, "a" * 5000, '"\\uDFFF"', '"\\0"', "'x'", "[1, 2]", "{}", "[]"),
         *("!!python/object/apply:os.getcwd []", "!!binary aGk=", "!x y", "&a x", "*a", "&a [*a]"),
-        *(
-            "1000000000000",
-            "10000000000000000000000000000000",
-            "0.5",
-            "\t",
-            "|\n  x\n",
-            ">-\n  1\n",
-        ),
-        *(
-            "[.inf, -.inf]",
-            "[1]",
-            "[2, 1]",
-            "[[[[1]]]]",
-            "{value: .nan}",
-            "{value: 1, bounds: [2, 3]}",
-        ),
-        *(
-            "{value: 1, spread: -1}",
-            "{value: 1, fixed: maybe}",
-            "{value: 1, odd: 2}",
-            "{? [a] : b}",
-        ),
+        *("1" + "0" * 12, "1" + "0" * 31, "0.5", "\t", "|\n  x\n", ">-\n  1\n", "{a: b}"),
+        *("[.inf, -.inf]", "[1]", "[2, 1]", "[[[[1]]]]", "{value: .nan}", "{? [a] : b}"),
+        *("{value: 1, bounds: [2, 3]}", "{value: 1, spread: -1}", "{value: 1, fixed: maybe}"),
     ]
 )
 name = st.sampled_from(
     [
-        *(
-            "x",
-            "v",
-            "t",
-            "pi",
-            "sin",
-            "class",
-            "_x",
-            "x y",
-            "x.y",
-            "1x",
-            "é",
-            "µ",
-            "μ",
-            "𝑥",
-            "ſ",
-            "''",
-        ),
-        *(
-            "a" * 5000,
-            '"\\uD83D"',
-            '"\\0"',
-            "null",
-            "true",
-            "<<",
-            "!!str q",
-            "&k q",
-            "?",
-            "-",
-            "...",
-        ),
+        *("x", "v", "t", "pi", "sin", "class", "_x", "x y", "x.y", "1x", "é", "µ", "μ", "𝑥", "ſ"),
+        *("a" * 5000, '"\\uD83D"', '"\\0"', "null", "true", "<<", "!!str q", "&k q", "?", "-"),
+        *("''", "...", "---"),
     ]
 )
 entries = st.lists(st.tuples(name, scalar), max_size=4).map(
@@ -266,7 +195,7 @@ def limit():
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
 
 
-@settings(max_examples=180, suppress_health_check=list(HealthCheck))
+@settings(max_examples=200, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(text=whole | raw | cut)
 def test_a_hostile_model_file_is_refused_in_one_line_or_handled(place, text):
     (place / "model.yaml").write_text(text, encoding="utf-8")
