@@ -11,7 +11,7 @@ from sklearn_pgnn.cli.guard import writing
 from sklearn_pgnn.cli.signals import held
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.whole_file import WorkingFolder, write_whole
+from sklearn_pgnn.whole_file import WorkingFolder, remove_leftovers, write_whole
 
 
 def strict_json(diagnosis) -> str:
@@ -67,6 +67,7 @@ def write_file(path, text: str, *, force: bool) -> None:
     """
     refuse_existing(path, force=force)
     with held(), writing(path):
+        remove_leftovers(Path(path).absolute().parent)
         write_whole(Path(path), text)
 
 

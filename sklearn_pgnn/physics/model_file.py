@@ -138,16 +138,18 @@ class _Reader:
         except ModelError as error:
             place = self.places.get(error.where) or self.places.get(error.where[:1])
             self.refuse(place, str(error))
-        self.warn(
-            ModelWarning,
-            [f"parameters.{name}: no equation uses it." for name in model.unused_parameters],
-            "write it into an equation, or leave it out",
-        )
+        self.warn_of_unused(model.unused_parameters)
         if is_installed("units"):
             self.warn(UnitWarning, unknown_units(model), "correct it, or leave it out")
             remedy = "correct the term, or the unit of what is in it"
             self.warn(UnitWarning, check_units(model), remedy)
         return model
+
+    def warn_of_unused(self, names: tuple[str, ...]) -> None:
+        """Warn of parameters without an effect, of many at once."""
+        others = f", and {len(names) - 1} others neither" if len(names) > 1 else ""
+        said = [f"parameters.{name}: no equation uses it{others}." for name in names[:1]]
+        self.warn(ModelWarning, said, "write it into an equation, or leave it out")
 
     def warn(self, kind: type[ModelWarning], sentences: Iterable[str], remedy: str) -> None:
         """Warn of what is doubtful, with its line and the remedy."""
