@@ -16,6 +16,7 @@ from sklearn_pgnn.cli.tables import (
     screen,
     table,
 )
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.model_files import described_models
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
@@ -27,7 +28,6 @@ from sklearn_pgnn.inspection.words import (
     separation_sentence,
     unusable_sentence,
     verdict_sentence,
-    verdict_title,
 )
 from sklearn_pgnn.inspection.yardstick import retuning_counts
 
@@ -37,6 +37,9 @@ COLOURS = {
     "cause_named": "cyan",
     "ambiguous": "yellow",
     "unexplained": "red",
+    "provisional": "yellow",
+    "predicts_nothing": "red",
+    "nothing_found": "yellow",
 }
 #: probability of a cause from which on the probability is not printed
 SURE = 0.99
@@ -85,7 +88,7 @@ def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
 
 
 def _say_verdict(console, diagnosis) -> None:
-    title = f"{verdict_title(diagnosis)}. "
+    title = f"{VERDICTS[diagnosis.verdict_]}. "
     sentence = one_line(verdict_sentence(diagnosis))
     colour = f"bold {COLOURS[diagnosis.verdict_]}"
     print_trimmed(console, Text.assemble((title, colour), (sentence, "bold")))

@@ -8,6 +8,7 @@ WORDS = {
     "candidates": "simulating the candidates",
     "needless causes": "removing unnecessary causes",
     "other causes": "trying other candidates in place of the causes",
+    "all sets": "fitting all sets of the few candidates",
     "pairs": "fitting pairs of candidates",
     "all records": "fitting all records",
     "formula": "searching for a formula",

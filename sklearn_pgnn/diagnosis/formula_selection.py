@@ -159,12 +159,14 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
     """Return whether a formula explains all, and as much more simply or clearly more.
 
     The causes are given as hypotheses to which they are added one by one. A formula that leaves
-    structure does not replace them, since named causes are easier to interpret. Nor is it simpler
+    structure, or much, does not replace them: named causes are easier to read. Nor is it simpler
     if some of the causes explain as much with no more parameters. Each of its terms is chosen from
     a library, as a cause is from the catalogue.
     """
     trial, final = formula.trial, steps[-1]
     if search.compare.refutes(final, trial):
+        return False
+    if search.compare.leaves_much(trial):
         return False
     if search.compare.is_nameable(trial) and search.has_structure(trial):
         return False

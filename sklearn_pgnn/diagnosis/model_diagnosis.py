@@ -48,8 +48,8 @@ from sklearn_pgnn.estimation.possible_causes import (
     warn_of_taken_names,
 )
 from sklearn_pgnn.estimation.problem import check_records
-from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
-from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.exceptions import DiagnosisWarning, RecordWarning
 from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
 from sklearn_pgnn.experiment_design.separation import (
@@ -136,17 +136,16 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ``"best candidate so far: "`` names the causes that leave the least error until then.
         `detectability` calls it, too, after every effect.
     time_limit : float, optional
-        Time [s] after which search, formula, finer integration steps, quality of the records and
-        separating experiments stop, at the next step of a fit, and the best so far is returned.
-        Whether every cause found by then is named beside the others is tested for a tenth of the
-        limit more. What no result goes without is computed in any case: the records are read, the
-        prior is re-tuned, and what was found is fitted on all records, with its held-out error and
-        its intervals.
+        Time [s] for everything, from the call of `fit` on. The search leaves a fifth of it, at most
+        a minute, for what follows: whether what it has found until then is named beside the other
+        causes, errors and intervals. It stops at the next step of a fit, what it holds is
+        provisional, and fits that the result needs end after two steps where all the time is up.
 
     Attributes
     ----------
-    verdict_ : {"model_adequate", "cause_named", "ambiguous", "unexplained"}
-        The verdict.
+    verdict_ : {"cause_named", "ambiguous", "unexplained", "provisional", "predicts_nothing", \
+            "nothing_found", "model_adequate"}
+        The verdict, see :ref:`left`.
     causes_ : tuple of NamedCause
         The missing causes, the most important first, each with its probability and those of its
         rivals.
@@ -177,8 +176,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     remaining_ : Remaining
         The residuals that the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured
         noise of a sensor, or an external disturbance: nothing that was recorded predicts it) and
-        ``"structure"``, with .times_noise of every output and the quantities in .depends_on;
-        .runs_away if the model predicts nothing, see `Remaining`.
+        ``"structure"``, with .times_noise of every output, and in .law where a law without a name
+        acts, what it depends on, its memory [s] and the share of the error that it explains;
+        .predicts_nothing if no output is predicted better than without a model.
     discrepancy_ : MissingPart or None
         A missing part that is not in the catalogue: where it acts, what it depends on, and a
         formula for it.
@@ -196,7 +196,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     complete_ : bool
         Whether the search ran to completion; otherwise the results are the best so far.
     tested_ : bool
-        Whether every cause was tested beside the others; only a time limit may prevent that.
+        Whether every cause was tested against the rest of the catalogue; otherwise, after an early
+        end, the causes are provisional and have no probabilities.
     records_ : DiagnosisRecords
         The records and the fits of the models, for plots.
     n_features_in_ : int
@@ -287,15 +288,17 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
         Notes
         -----
-        If the search ends with a program error, or is interrupted, the best result so far is kept
-        before the error is raised again: there is a result if there is a `verdict_`, and `stopped_`
-        says why the search ended.
+        A stage that fails once there is a result is left out: a `DiagnosisWarning` is issued in
+        place of the error, and `stopped_` says what failed. An interrupt is raised again after the
+        best result so far is kept: there is one if there is a `verdict_`.
         """
         check_model(self.model)
         check_options(self.hold, self.alpha, self.smallest_share)
-        check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
+        progress = Progress(self.progress, self.time_limit)
+        progress.begin("reading the records")
+        check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         read_noise_std(self.noise_std, list(self.model.outputs))
         require_target(self, y)
         X = validate_table(self, X, reset=True)
@@ -306,16 +309,28 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._single_output = np.asarray(y).ndim == 1
         self._forget()
         said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
-        investigation = self._investigation(records)
+        investigation = self._investigation(records, progress)
         try:
             investigation.run(hold_of(self.model, said), is_told=said is not None)
-            self._keep(investigation)
+            self._keep_best(investigation)
             self._conclude(investigation, whole)
         except (Exception, KeyboardInterrupt) as error:
             self._rescue(investigation, error)
             raise
         self._warn_of_clocks(whole)
+        self._warn_of_failure(progress)
         return self
+
+    def _warn_of_failure(self, progress: Progress) -> None:
+        """Warn if a stage failed; what was found without it is kept."""
+        if progress.failed is not None:
+            message = (
+                f"a stage of the diagnosis failed ({self.stopped_}); the results without it are "
+                f"kept, and stopped_ says so. Remedy: report it as a bug of sklearn-pgnn."
+            )
+            warning = DiagnosisWarning(message)
+            warning.__cause__ = progress.failed
+            warn_user(warning, DiagnosisWarning)
 
     def _warn_of_clocks(self, records) -> None:
         """Warn if only the extended model depends on time and a record does not begin at t = 0."""
@@ -336,18 +351,18 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             if name.endswith("_") and name not in ("n_features_in_", "feature_names_in_"):
                 delattr(self, name)
 
-    def _investigation(self, records: tuple[Record, ...]) -> Investigation:
+    def _investigation(self, records: tuple[Record, ...], progress: Progress) -> Investigation:
         """Return the search, ready to run on records."""
         catalogue = read_catalogue(self.catalogue)
         warn_of_taken_names(self.model, catalogue, self.targets)
         return Investigation(
             self.model,
             records,
-            possible_causes(self.model, catalogue, self.targets),
+            possible_causes(self.model, catalogue, self.targets, progress.tick),
             self.alpha,
             self.smallest_share,
             self.max_causes,
-            Progress(self.progress, self.time_limit),
+            progress,
             {
                 "window_length": self.window_length,
                 "noise_std": self.noise_std,
@@ -359,18 +374,25 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def _rescue(self, investigation: Investigation, error: BaseException) -> None:
         """Keep the best so far where an error ends the fit."""
-        investigation.progress.end(_said(error))
+        investigation.progress.end(error)
         with suppress(Exception):  # what has failed once may fail again: the first error is raised
             if not hasattr(self, "verdict_"):
-                self._keep(investigation)
+                self._keep_best(investigation)
             self.stopped_: str | None = investigation.progress.ended
 
-    def _keep(self, investigation: Investigation) -> None:
-        """Set the fitted attributes from the best so far; the verdict is set last."""
+    def _keep_best(self, investigation: Investigation) -> None:
+        """Keep the best of what was found of which all results can be computed."""
         progress = investigation.progress
         progress.counts = False
         progress.begin("held-out error")
-        found = investigation.so_far()
+        names = [record.name for record in investigation.records]
+        for found in investigation.from_the_best():
+            with progress.kept():
+                return self._keep(found, names, progress)
+        raise progress.failed or LookupError("nothing was found")
+
+    def _keep(self, found: Findings, names: list[str], progress: Progress) -> None:
+        """Set the fitted attributes from what was found; the verdict is set last."""
         fitter, result = found.search.fitter, found.result
         problem, final = fitter.problem, result.final
         errors = parameter_errors(problem, final)
@@ -388,7 +410,6 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.substeps_, self.hold_ = problem.windows.substeps, problem.windows.hold
         tried = [Tried(c.id, c.target, *share) for c, share in result.alone.items()]
         self.candidates_ = tuple(sorted(tried, key=lambda candidate: candidate.left))
-        names = [record.name for record in investigation.records]
         self.records_ = keep_records(fitter, result.base, final, names)
         measured = part and measured_alike(part, self.gain_, self.records_)
         self.discrepancy_: MissingPart | None = measured
@@ -398,7 +419,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.data_quality_: tuple[Finding, ...] = ()
         self.separations_: tuple[Separation, ...] = ()
         self.unusable_, self.complete_ = fitter.unusable, result.complete
-        self.tested_, self.stopped_ = result.tested, progress.ended
+        self.tested_, self.stopped_ = result.complete, progress.ended
         self.remaining_ = found.remaining
         self.verdict_ = found.verdict  # the last: it says that all is there
 
@@ -406,16 +427,13 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Compute the remaining results, as far as the time allows."""
         progress, found = investigation.progress, investigation.so_far()
         failures = found.search.fitter.failures
-        progress.counts = True
-        with suppress(TimeIsUp):
-            for stage, what in (
-                ("quality of the records", lambda: self._check_data_quality(found, whole)),
-                ("experiments that separate", lambda: self._separate(progress)),
-            ):
-                if progress.ended is None:
-                    progress.begin(stage)
-                    with failures.tolerate(stage, stage, ""):
-                        what()
+        for stage, what in (
+            ("quality of the records", lambda: self._check_data_quality(found, whole)),
+            ("experiments that separate", lambda: self._separate(progress)),
+        ):
+            with progress.spare_time(), failures.tolerate(stage, stage, ""):
+                progress.begin(stage)
+                what()
         self.unusable_, self.stopped_ = failures.entries(), progress.ended
 
     def _check_data_quality(self, found: Findings, whole: tuple[Record, ...]) -> None:
@@ -671,13 +689,6 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             The figure and its axes.
         """
         return reading("plot_diagnosis")(self)
-
-
-def _said(error: BaseException) -> str:
-    """Return a short description of what ended a fit."""
-    if isinstance(error, KeyboardInterrupt):
-        return "interrupted"
-    return f"unexpected {type(error).__name__}: {error}"
 
 
 def _seed(random_state) -> int:

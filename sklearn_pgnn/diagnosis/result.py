@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.size import likelihood_intervals
@@ -31,7 +32,7 @@ class Rival(NamedTuple):
     target : str
         What it acts on.
     probability : float
-        Probability that it is the cause.
+        Probability that it is the cause; NaN where the search did not finish.
 
     Examples
     --------
@@ -91,7 +92,14 @@ class NamedCause:
     equivalent : tuple of Candidate
         Those in `confused_with` that are equivalent in the equations: no record separates them.
     probability : float
-        Probability that this is the cause, rather than another one of the catalogue or none.
+        Probability that this is the cause, rather than another one of the catalogue or none; NaN
+        where that was not tested.
+    tested : bool
+        Whether the cause was tested against the rest of the catalogue; otherwise, after a search
+        that did not finish, it is provisional.
+    outside : float
+        Least probability that what acts in its place is in no catalogue: much is left beside it, or
+        a law without a name explains as much.
 
     Examples
     --------
@@ -110,10 +118,17 @@ class NamedCause:
     check: str = ""
     equivalent: tuple[Candidate, ...] = ()
     probability: float = 1.0
+    tested: bool = True
+    outside: float = 0.0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the records do not separate the cause from others, with a name or without."""
+        return bool(self.confused_with) or self.outside >= OPEN
 
     def __repr__(self) -> str:
         sizes = (f"{name} {e.value:.4g} {e.unit}".rstrip() for name, e in self.parameters.items())
-        words = [*sizes, f"probability {self.probability:.3g}"]
+        words = [*sizes, f"probability {self.probability:.3g}" if self.tested else "provisional"]
         if self.confused_with:
             words.append(f"confused with {len(self.confused_with)}")
         return f"<NamedCause {self.effect} on {self.target}: {', '.join(words)}>"
@@ -200,10 +215,10 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
         cause = step.hypothesis.causes[-1]
         without, with_ = fitter.held_out(before), fitter.held_out(step)
         rivals = result.rivals[cause]
-        known = cause in result.evidence
-        over_none = result.evidence[cause] if known else search.compare.evidence(before, step)
-        evidence = [*(value for _, value in rivals), over_none]
-        mine, *theirs, _ = search.criterion.probabilities(evidence)
+        outside = result.outside.get(cause, 0.0)
+        mine, *theirs = (
+            (1.0 - outside) * p for p in _probabilities(search, result, cause, (before, step))
+        )
         causes.append(
             NamedCause(
                 effect=cause.id,
@@ -217,10 +232,23 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
                 summary=cause.summary,
                 check=cause.check,
                 probability=float(mine),
+                tested=result.complete,
+                outside=outside,
             )
         )
         before = step
     return tuple(causes)
+
+
+def _probabilities(search: Search, result: SearchResult, cause, steps) -> list[float]:
+    """Return the probabilities of a cause and of each rival; NaN where they were not compared."""
+    rivals = result.rivals[cause]
+    if not result.complete:
+        return [math.nan] * (1 + len(rivals))
+    known = cause in result.evidence
+    over_none = result.evidence[cause] if known else search.compare.evidence(*steps)
+    mine, *theirs, _ = search.criterion.probabilities([*(value for _, value in rivals), over_none])
+    return [mine, *theirs]
 
 
 def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:
@@ -230,7 +258,9 @@ def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Esti
     if not trial.fit.usable:
         return found
     fitted = {name: errors[name] for name in own.values() if name in free}
-    intervals = likelihood_intervals(fitter, trial, fitted)
+    intervals: dict[str, tuple[float, float]] = {}
+    with fitter.progress.spare_time():
+        intervals = likelihood_intervals(fitter, trial, fitted)
     return {
         field: replace(found[field], low=low, high=high)
         for field, name in own.items()

@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sklearn_pgnn.estimation.budgets import SMALL_CHANGE
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_prior_spreads
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.simulate import settled_start
+from sklearn_pgnn.simulation.record_start import CLEARLY
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -106,55 +107,65 @@ def keep_records(
 
 
 def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
-    """Return the initial state of every record: as recorded, else `settled` states, else as fitted.
+    """Return the initial state of every record: as recorded, else as fitted to its first window.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    model : PhysicsModel
-        The model.
-    x0 : ndarray of shape (n_windows, n_states)
-        Its fitted initial states of the windows.
-
-    Returns
-    -------
-    ndarray of shape (n_records, n_states)
-        Initial states for a simulation of the model on the records.
+    `settled` states are settled unless the first samples tell clearly otherwise.
     """
-    windows, first = problem.windows, problem.windows.bounds[:-1]
-    starts = x0[np.searchsorted(windows.starts, first)].copy()
-    for start, u, told in zip(starts, windows.u[first], problem.states.told, strict=True):
-        known = {**settled_start(model, u), **told}
-        for i, state in enumerate(model.states):
-            if state in told or state in model.settled:
-                start[i] = known[state]
+    windows, states = problem.windows, list(model.states)
+    starts = x0[np.searchsorted(windows.starts, windows.bounds[:-1])].copy()
+    for state in model.settled:
+        column, rest = states.index(state), _settled(model, windows, state)
+        near = np.abs(starts[:, column] - rest) < _noticeable(model, windows, state)
+        starts[near, column] = rest[near]
+    for start, told in zip(starts, problem.states.told, strict=True):
+        start[[states.index(state) for state in told]] = list(told.values())
     return starts
+
+
+def _settled(model: PhysicsModel, windows: ShootingWindows, state: str) -> np.ndarray:
+    """Return where every record settles a state: at the first value of the input it follows."""
+    return windows.u[windows.bounds[:-1], list(model.inputs).index(model.settled[state])]
+
+
+def _noticeable(model: PhysicsModel, windows: ShootingWindows, state: str) -> float:
+    """Return the change of a state that follows an input that is not small beside the input's."""
+    place = list(model.inputs).index(model.settled[state])
+    return SMALL_CHANGE * float(np.std(windows.u[:, place]))
 
 
 def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
     """Return a fitted model with the settings of its evaluation, for the user.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The fitted model.
-
-    Returns
-    -------
-    PhysicsModel
-        The model with its hold and substeps, the prior's spreads, and as `initial_state` the fitted
-        start of the first record in the states that were not recorded.
+    These are its hold and substeps, the prior's spreads, and as `initial_state` the fitted start of
+    the first record in the states that were not recorded and do not start settled.
     """
     model, windows = with_prior_spreads(fit.model, problem.prior), problem.windows
-    start = dict(zip(model.states, record_starts(problem, model, fit.x0)[0].tolist(), strict=True))
-    found = {s: v for s, v in start.items() if s not in {*problem.states.told[0], *model.settled}}
+    starts = record_starts(problem, model, fit.x0)
+    begun = _begun_elsewhere(model, windows, starts)
+    settled = {state: name for state, name in model.settled.items() if state not in begun}
+    first = dict(zip(model.states, starts[0].tolist(), strict=True))
+    found = {s: v for s, v in first.items() if s not in {*problem.states.told[0], *settled}}
     return model.replace(
-        initial_state={**model.initial_state, **found},
+        initial_state={**model.initial_state, **found, **begun},
+        settled=settled,
         simulation={"hold": windows.hold, "substeps": windows.substeps},
     )
+
+
+def _begun_elsewhere(
+    model: PhysicsModel, windows: ShootingWindows, starts: np.ndarray
+) -> dict[str, float]:
+    """Return the settled states that begin all records clearly nearer to one value, and that one.
+
+    So does an actuator at rest whose command steps in the first sample.
+    """
+    found = {}
+    for state in model.settled:
+        start = starts[:, list(model.states).index(state)]
+        off = np.mean((start - _settled(model, windows, state)) ** 2)
+        if np.var(start) < CLEARLY * off:
+            found[state] = float(start.mean())
+    return found
 
 
 def _slim(fit: WindowFit) -> FittedWindows:

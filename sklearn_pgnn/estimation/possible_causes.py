@@ -1,6 +1,6 @@
 """The possible causes of a model's error: the effects of a catalogue, each at every target."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from difflib import get_close_matches
 
 from sklearn_pgnn.estimation.same_in_equations import already_holds, same_parameter
@@ -11,36 +11,32 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.user_line import warn_user
 
 
-def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effect, ...]:
+def possible_causes(
+    model: PhysicsModel,
+    catalogue: Iterable[type[Effect]],
+    targets: Collection[str] | None = None,
+    each_step: Callable[[], bool | None] = lambda: None,
+) -> tuple[Effect, ...]:
     """List the causes of a catalogue that a model does not already hold.
 
     An effect that already extends the model is not a candidate; only its parameters can be wrong.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    catalogue : iterable of type[Effect]
-        The effects to consider.
-    targets : collection of str, optional
-        Targets to consider; by default all.
-
-    Returns
-    -------
-    tuple of Effect
-        The candidates.
+    Those that are left where `each_step` returns true are not listed.
     """
-    return tuple(
-        effect
-        for effect in _effects_on(model, catalogue, targets)
-        if not already_holds(model, effect) and same_parameter(model, effect) is None
-    )
+    found: list[Effect] = []
+    for effect in _effects_on(model, catalogue, targets):
+        if each_step():
+            break
+        if not already_holds(model, effect) and same_parameter(model, effect) is None:
+            found.append(effect)
+    return tuple(found)
 
 
-def _effects_on(model, catalogue, targets) -> list[Effect]:
-    """List the effects of a catalogue on the targets that are considered."""
+def _effects_on(
+    model: PhysicsModel, catalogue: Iterable[type[Effect]], targets: Collection[str] | None
+) -> Iterator[Effect]:
+    """Yield the effects of a catalogue on the targets that are considered."""
     effects = (kind(target) for kind in catalogue for target in kind.targets(model))
-    return [effect for effect in effects if targets is None or effect.target in targets]
+    return (effect for effect in effects if targets is None or effect.target in targets)
 
 
 def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:

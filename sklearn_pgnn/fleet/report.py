@@ -9,6 +9,7 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.fleet.machine import FAILED, SAID, Machine
 from sklearn_pgnn.fleet.spread import ParameterSpread
 from sklearn_pgnn.fleet.store import PAGE, Store
@@ -16,7 +17,6 @@ from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number, percent, sized
 from sklearn_pgnn.inspection.report.page import digest, render, style_sheet
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, strip
-from sklearn_pgnn.inspection.words import VERDICTS
 
 #: a verdict's colour
 COLOUR = {VERDICTS["model_adequate"]: "good", FAILED: "bad"}
@@ -93,7 +93,7 @@ def _row(machine: Machine, fleet, folder: Path) -> dict:
         "css": COLOUR.get(machine.said, "look"),
         "said": machine.said,
         "causes": _named(machine) or ([machine.failed] if machine.failed else []),
-        "sure": chance(machine.sure) if machine.named else "",
+        "sure": chance(machine.sure or None) if machine.named else "",
         "explained": percent(machine.explained) if machine.named else "",
         "odd": "; ".join(odd),
         "faults": _faults(machine),

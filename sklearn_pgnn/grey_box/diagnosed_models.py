@@ -1,11 +1,13 @@
 """The diagnosis of a recipe's prior, and the models of the depths that follow from it."""
 
+import warnings
 from typing import Any
 
 from joblib import Memory
 from sklearn.base import clone
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.exceptions import DiagnosisWarning
 from sklearn_pgnn.grey_box.default_parts import diagnosis_or_default
 from sklearn_pgnn.grey_box.tables import PlainTable
 from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
@@ -43,42 +45,26 @@ def threads_of(diagnosis: ModelDiagnosis | None, n_jobs: int | None) -> int | No
     return n_jobs if own is None else own
 
 
-def diagnose(diagnosis: ModelDiagnosis, table: PlainTable, memory: Memory, n_jobs):
-    """Diagnose the prior; if the diagnosis fails, return its best result until then.
+def diagnose(
+    diagnosis: ModelDiagnosis, table: PlainTable, memory: Memory, n_jobs: int | None
+) -> ModelDiagnosis:
+    """Diagnose the prior, see `prepare_diagnosis`; fitted in place unless its result is kept.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        The diagnosis, see `prepare_diagnosis`; fitted in place unless its result is kept.
-    table : PlainTable
-        The records.
-    memory : joblib.Memory
-        Where the result is kept.
-    n_jobs : int or None
-        Number of processes, on which the result does not depend.
-
-    Returns
-    -------
-    ModelDiagnosis
-        The fitted diagnosis.
+    A result that lacks a stage which failed is used, but not kept.
     """
+    X = table.starting(diagnosis.model, table.told)
+    kept = memory.cache(_diagnosed, ignore=["n_jobs"])
     try:
-        X = table.starting(diagnosis.model, table.told)
-        kept = memory.cache(_diagnosed, ignore=["n_jobs"])
-        return kept(diagnosis, X, table.y, n_jobs=n_jobs)
-    except Exception as error:
-        if not hasattr(diagnosis, "verdict_"):
-            raise
-        warn_user(
-            f"the diagnosis stopped with an error ({diagnosis.stopped_}; "
-            f"{type(error).__name__}: {error}); its best result so far is used. Remedy: a "
-            f"smaller catalogue in diagnosis=ModelDiagnosis(...)."
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DiagnosisWarning)  # raised once there is the result
+            return kept(diagnosis, X, table.y, n_jobs=n_jobs)
+    except DiagnosisWarning as lacking:
+        warn_user(lacking, DiagnosisWarning)
         return diagnosis
 
 
 def _diagnosed(diagnosis, X, y, n_jobs) -> ModelDiagnosis:
-    """Fit a diagnosis, in place; if it fails, it holds its best result until then."""
+    """Fit a diagnosis, in place."""
     return diagnosis.set_params(n_jobs=n_jobs).fit(X, y)
 
 

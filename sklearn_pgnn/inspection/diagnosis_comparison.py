@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from sklearn_pgnn.annotations import FilePath
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number
-from sklearn_pgnn.inspection.words import verdict_in_words
 from sklearn_pgnn.record_quality.wording import listed
 
 #: the file of a diagnosis, in the folder that the command line writes
@@ -310,7 +310,7 @@ def _quantity(title, one: Mapping, other: Mapping, name: str) -> Quantity:
 
 
 def _of_verdicts(pair, names) -> list[str]:
-    one, other = (verdict_in_words(data).lower() for data in pair)
+    one, other = (VERDICTS[data["verdict"]].lower() for data in pair)
     return [] if one == other else [f"{names[0]}: {one}; {names[1]}: {other}."]
 
 
@@ -385,7 +385,7 @@ def _of_rest(pair, names) -> list[str]:
 
 def _verdicts(pair, names) -> Table:
     rows = [
-        ("verdict", *(verdict_in_words(data) for data in pair)),
+        ("verdict", *(VERDICTS[data["verdict"]] for data in pair)),
         ("causes", *(_named(data) or "none" for data in pair)),
         ("what is left", *(_left(data["remaining"]) for data in pair)),
         (

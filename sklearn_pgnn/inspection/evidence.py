@@ -8,7 +8,7 @@ from sklearn_pgnn.inspection.curves import Evidence, Line, even_grid
 from sklearn_pgnn.inspection.motion_evidence import cut_rate, implied_parameter, missing_force
 from sklearn_pgnn.inspection.signal_evidence import felt_input, residual_over_time, shown_output
 from sklearn_pgnn.inspection.style import label
-from sklearn_pgnn.inspection.words import missing_place
+from sklearn_pgnn.inspection.words import place_name
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import parse_expression
 
@@ -81,7 +81,7 @@ def missing_evidence(diagnosis) -> Evidence:
     unit = rate_unit(unit) if part.target in full.states else unit
     grid = even_grid(x)
     return Evidence(
-        title=f"What is missing in {missing_place(diagnosis, part)}",
+        title=f"What is missing in {place_name(diagnosis.model, part.target)}",
         x_label=label("by the formula", unit),
         y_label=label("as the records show it", unit),
         points=(x, part.course),

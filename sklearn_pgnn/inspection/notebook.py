@@ -5,6 +5,7 @@ from html import escape
 
 from sklearn.base import BaseEstimator
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.numbers import (
@@ -19,7 +20,6 @@ from sklearn_pgnn.inspection.words import (
     remaining_sentence,
     rivals_or_none,
     verdict_sentence,
-    verdict_title,
 )
 from sklearn_pgnn.physics.effects import find_effect
 
@@ -179,7 +179,7 @@ def diagnosis_html(diagnosis) -> str:
     if not hasattr(diagnosis, "verdict_"):
         return BaseEstimator._html_repr(diagnosis)
     head = (
-        f"<b>{verdict_title(diagnosis)}.</b> {escape(verdict_sentence(diagnosis))}"
+        f"<b>{VERDICTS[diagnosis.verdict_]}.</b> {escape(verdict_sentence(diagnosis))}"
         f"<div>{escape(remaining_sentence(diagnosis))}</div>"
     )
     causes = "".join(cause_html(cause, diagnosis.complete_) for cause in diagnosis.causes_)

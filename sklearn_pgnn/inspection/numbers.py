@@ -175,14 +175,18 @@ def percent(part: float) -> str:
     return f"{100 * part:.{1 if part > 0.985 else 0}f} %"
 
 
-def chance(probability: float) -> str:
+def chance(probability: float | None) -> str:
     """Return a probability in percent; one that is nearly 0 or 1 is not rounded to it.
 
     Examples
     --------
     >>> chance(0.213), chance(0.9999), chance(1.0), chance(2e-4)
     ('21 %', '> 99.9 %', '> 99.9 %', '< 0.1 %')
+    >>> chance(math.nan), chance(None)
+    ('not tested', 'not tested')
     """
+    if probability is None or math.isnan(probability):
+        return "not tested"
     if probability > 0.999:
         return "> 99.9 %"
     if probability < 0.001:

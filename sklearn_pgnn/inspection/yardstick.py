@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from sklearn_pgnn.diagnosis.noise_units import error_together, ratio
-from sklearn_pgnn.estimation.budgets import MUCH
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ def left_alone(diagnosis) -> list[LeftAlone]:
 
 def leaves_much(diagnosis) -> bool:
     """Return whether the residuals of any output over windows exceed twice its noise."""
-    return any(not errors.extended <= MUCH for errors in over_windows(diagnosis).values())
+    return diagnosis.remaining_.is_much
 
 
 def retuning_counts(diagnosis) -> bool:

@@ -35,7 +35,7 @@ def check_data_quality(
     base: WindowFit,
     final: WindowFit,
     best: WindowFit | None = None,
-    each_step: Callable[[], None] = lambda: None,
+    each_step: Callable[[], bool | None] = lambda: None,
 ) -> Iterator[Finding]:
     """Yield the faults of the records that limit a diagnosis.
 

@@ -177,7 +177,7 @@ def test_when_the_time_is_up_the_best_so_far_is_told(tmp_path):
     result = CliRunner().invoke(main, args, catch_exceptions=False)
     assert result.exit_code == 0
     data = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
-    assert data["stopped"].startswith("time limit of 1e-06 s")
+    assert data["stopped"].startswith("time limit, at ")
     assert "Ended early (time limit" in " ".join(result.stdout.split())
 
 

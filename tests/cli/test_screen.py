@@ -16,6 +16,7 @@ from sklearn_pgnn.diagnosis import (
     Remaining,
     RetunedParameter,
     Rival,
+    Structure,
 )
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
@@ -102,8 +103,9 @@ def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):
             "disturbance (2.34 × the white noise of v): nothing that was recorded predicts it",
         ),
         (
-            Remaining("structure", {"v": 4.0}, ("F", "v")),
-            "structure (4.00 × the white noise of v): it depends on F and v",
+            Remaining("structure", {"v": 4.0}, Structure("v", 0.83, 0.25, ("F", "v"))),
+            "structure (4.00 × the white noise of v): it depends on F and v, and on what was some "
+            "0.25 s before. A law that acts on the rate of v explains 83 % of it",
         ),
     ],
 )
@@ -126,7 +128,7 @@ def test_the_verdict_has_a_colour_where_the_terminal_has(capsys, monkeypatch, to
 
 
 def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(capsys):
-    with_formula = diagnosis(remaining=Remaining("structure", {"v": 2.0}, ("v",)))
+    with_formula = diagnosis(remaining=Remaining("structure", {"v": 2.0}, Structure("v", 0.9)))
     with_formula.causes_, with_formula.verdict_ = (), "unexplained"
     assert "re-tuned extended" in shown(capsys, with_formula)
     terms = effects.Formula("v", ("1", "v**3"), (-0.5, 2.0))
@@ -138,7 +140,7 @@ def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(c
     assert "With -0.5 + 2·v³ added there" in text
 
 
-@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
 def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
@@ -148,7 +150,7 @@ def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     assert shown(capsys, lost).count(silence) == 1
 
 
-@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
 def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()

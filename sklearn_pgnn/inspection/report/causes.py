@@ -54,6 +54,7 @@ def _cause(diagnosis, cause) -> dict:
             for field, e in cause.parameters.items()
         ],
         "probability": chance(cause.probability),
+        "tested": cause.tested,
         "separations": [
             separation_sentence(found) for found in diagnosis.separations_ if found.cause == mine
         ],

@@ -12,7 +12,7 @@ from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.mathml import mathml_of
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
-from sklearn_pgnn.inspection.words import dependence, missing_place
+from sklearn_pgnn.inspection.words import dependence, place_name
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effects.rates import unit_of_force
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
@@ -165,7 +165,7 @@ def told_formula(formula: FoundFormula) -> dict:
     """Return what a report shows of a formula: plain text by the template's variable."""
     part = formula.part
     return {
-        "place": missing_place(formula.diagnosis, part),
+        "place": place_name(formula.diagnosis.model, part.target),
         "dependence": dependence(formula.diagnosis, part),
         "left": times(formula.part.error),
         "unit": typeset_unit(formula.unit) or "-",

@@ -151,7 +151,7 @@ def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
     model, part = diagnosis.extended_model_, diagnosis.discrepancy_
     known = [*model.states, *model.inputs]
     told = [] if part is None else list(part.quantities)
-    told += [name for name in diagnosis.remaining_.depends_on if name in known]
+    told += [name for name in diagnosis.remaining_.law.depends_on if name in known]
     position = model.kinematic_pairs.get(target)
     own = [name for name in (position, target) if name in known]
     every = list(dict.fromkeys([*told, *own, *known, "t"]))

@@ -114,6 +114,8 @@ def _or_inf(value: float) -> float:
 
 def _sure(diagnosis) -> Tile:
     about = "How sure"
+    if diagnosis.causes_ and not diagnosis.tested_:
+        return Tile("look", about, "not tested", "the search ended early")
     if diagnosis.causes_:
         return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
     if diagnosis.verdict_ == "unexplained":
@@ -127,11 +129,11 @@ def _sure(diagnosis) -> Tile:
 
 def _sure_of(diagnosis, cause) -> Tile:
     name, sure = cause_name(cause.effect, cause.target), cause.probability >= SURE
-    if cause.confused_with:
+    if cause.is_open:
         text = f"for {name}, which these records cannot distinguish from {rivals(cause)}"
     else:
         text = "; ".join(said for said in (f"for {name}", _runner_up(diagnosis)) if said)
-    state = "good" if sure and not cause.confused_with and diagnosis.complete_ else "look"
+    state = "good" if sure and not cause.is_open and diagnosis.complete_ else "look"
     return Tile(state, "How sure", chance(cause.probability), text)
 
 
