@@ -1,5 +1,5 @@
 """The command line as ``python -m sklearn_pgnn``."""
 
-from sklearn_pgnn.cli import main
+from sklearn_pgnn.cli import run
 
-main(prog_name="sklearn-pgnn")
+run()

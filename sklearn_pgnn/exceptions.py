@@ -21,7 +21,7 @@ class ModelError(ValueError):
     equations.x: unknown name 'T'; known names are x ...
     """
 
-    def __init__(self, message, where=()):
+    def __init__(self, message: str, where: tuple[str, ...] = ()):
         super().__init__(message)
         self.where = tuple(where)
 
@@ -101,7 +101,7 @@ class FitWarning(UserWarning):
     """
 
 
-class UnitWarning(UserWarning):
+class UnitWarning(ModelWarning):
     """The units of an equation in a model file are inconsistent; the message names the term.
 
     Examples

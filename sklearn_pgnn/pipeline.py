@@ -1,5 +1,7 @@
 """Simulation, scaling and network in one pipeline."""
 
+from typing import Any
+
 from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
@@ -53,7 +55,9 @@ def simulated_columns(X) -> list[str]:
     return [name for name in X.columns if name.endswith(SIMULATED)]
 
 
-def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, verbose=0, **network) -> Pipeline:
+def make_pgnn_pipeline(
+    model: PhysicsModel, *, memory: Any = None, verbose: int = 0, **network: Any
+) -> Pipeline:
     """Build the paper's pipeline: simulate the model, scale the simulation, train a network.
 
     Only the simulated columns are standardised. Time, inputs and initial states pass the scaler

@@ -5,13 +5,15 @@ simulation, each of them on one thread: BLAS, OpenMP and torch would otherwise s
 again, which wait for each other.
 """
 
+import multiprocessing
 import os
 import sys
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 from joblib import Parallel, effective_n_jobs, parallel_config
@@ -126,6 +128,27 @@ def in_turn(calls: list, n_jobs: int | None, **options) -> Iterable[Any]:
 def kept_pool(threads: int) -> ThreadPoolExecutor:
     """Return the pool of given size, one per process; its tasks must not wait for the pool."""
     return ThreadPoolExecutor(threads)
+
+
+# -- other processes that nobody needs -------------------------------------------------------------
+
+
+def end_with_parent() -> None:
+    """Let a process of joblib end when the one that it works for is gone; others are left alone."""
+    if type(multiprocessing.current_process()).__name__ == "LokyProcess":
+        _watched(os.getppid())
+
+
+@cache
+def _watched(parent: int) -> threading.Thread:
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    return thread
 
 
 # -- one thread each -------------------------------------------------------------------------------

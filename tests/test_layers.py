@@ -12,7 +12,16 @@ pytestmark = pytest.mark.core
 
 #: from the bottom; a package imports from lower layers only, not from others in its own
 LAYERS = (
-    {"exceptions", "extras", "readings", "stages", "threads", "user_line", "whole_file"},
+    {
+        "annotations",
+        "exceptions",
+        "extras",
+        "readings",
+        "stages",
+        "threads",
+        "user_line",
+        "whole_file",
+    },
     {"__init__"},
     {"physics", "progress_display"},
     {"effects", "priors", "systems", "trajectories"},
@@ -31,7 +40,7 @@ LAYERS = (
 HEIGHT = {package: height for height, packages in enumerate(LAYERS) for package in packages}
 
 #: packages that may see less than their layer: the integrator behind the records is independent
-NARROWER = {"datasets": {"exceptions", "extras", "physics", "trajectories"}}
+NARROWER = {"datasets": {"annotations", "exceptions", "extras", "physics", "trajectories"}}
 
 #: where a heavy library may be imported: beginnings of paths inside the package
 HOMES = {

@@ -5,6 +5,7 @@ import click
 from sklearn_pgnn import __version__
 from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, init, simulate
 from sklearn_pgnn.cli.completion import FILE, PROGRAM, SHELLS, completion_script
+from sklearn_pgnn.cli.ending import run_to_the_end, take_any_text
 from sklearn_pgnn.cli.export import export
 from sklearn_pgnn.cli.fleet import fleet
 from sklearn_pgnn.cli.guard import guarded
@@ -45,6 +46,11 @@ class InOrder(click.Group):
         "export",
         "app",
     )
+
+    def main(self, *args, **kwargs):
+        """Run the command line."""
+        take_any_text()
+        return super().main(*args, **kwargs)
 
     def list_commands(self, context):
         """Return the names of the commands; those that are not in the order come last."""
@@ -115,6 +121,11 @@ def demo(output, quiet, debug, **options):
 def completion(context, shell):
     """Print the script with which a shell completes commands, options, files and effects."""
     click.echo(completion_script(context.find_root().command, shell))
+
+
+def run() -> None:
+    """Run the command line as a process."""
+    run_to_the_end(lambda: main(prog_name=PROGRAM))
 
 
 for command in (init, check, simulate, fit, detect, compare, fleet, export, app):

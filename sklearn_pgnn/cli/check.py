@@ -8,7 +8,7 @@ import click
 
 from sklearn_pgnn.cli.records import open_model
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
-from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
+from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
@@ -44,7 +44,7 @@ def check_model(model, data, sample_time=None) -> Checked:
     """
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
-        warnings.simplefilter("once", UnitWarning)
+        warnings.simplefilter("once", ModelWarning)
         warnings.simplefilter("once", RecordWarning)
         read = open_model(model)
         tables: list[FileTable] = []

@@ -6,8 +6,16 @@ from click.shell_completion import get_completion_class
 PROGRAM = "sklearn-pgnn"
 SHELLS = ("bash", "zsh", "fish")
 
+
+class _File(click.Path):
+    def convert(self, value, param, ctx):
+        if not value:
+            self.fail("expected the name of a file or a folder, got an empty text.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 #: a path that the shell completes; existence and content of the file are checked later
-FILE = click.Path()
+FILE = _File()
 
 
 def complete_effects(_context, _option, begun: str) -> list[str]:

@@ -144,7 +144,7 @@ class Job:
         effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
         targets = choose_targets(options.pop("targets", ()), model)
         check_candidates(model, effects, targets)
-        chosen = {"noise_std": noise, "catalogue": effects, "targets": targets}
+        chosen: dict[str, Any] = {"noise_std": noise, "catalogue": effects, "targets": targets}
         return ModelDiagnosis(model, **chosen, **options, progress=progress)
 
     def _kept(self, names: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ from sklearn_pgnn.cli.completion import FILE
 from sklearn_pgnn.cli.guard import guarded, one_line, writing
 from sklearn_pgnn.cli.options import force_option, quiet_options
 from sklearn_pgnn.cli.progress import show_progress
+from sklearn_pgnn.whole_file import WorkingFolder
 
 #: the targets, and the options of each besides the name
 TARGETS = {
@@ -40,7 +41,7 @@ NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
 @click.option("--name", help="Prefix of all names in the file; by default the model's name.")
 @click.option(
     "--substeps",
-    type=click.IntRange(min=1),
+    type=click.IntRange(min=1, max=10_000),
     metavar="N",
     help="c, fmu: integration steps from sample to sample; by default as the model file says.",
 )
@@ -166,10 +167,10 @@ def _replace(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file completely or not at all."""
     from sklearn_pgnn.cli.signals import held
 
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with held(), writing(path):
+        folder = WorkingFolder(path.absolute().parent)
         try:
-            write(temporary)
-            os.replace(temporary, path)
+            write(folder.path / path.name)
+            os.replace(folder.path / path.name, path)
         finally:
-            temporary.unlink(missing_ok=True)
+            folder.remove()

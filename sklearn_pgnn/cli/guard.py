@@ -10,6 +10,9 @@ from sklearn_pgnn.cli.signals import stoppable
 from sklearn_pgnn.exceptions import UNUSABLE
 from sklearn_pgnn.extras import EXTRA_OF
 
+#: characters of a file's name that an error shows, and of a line of text
+SHOWN, LONGEST = 200, 2000
+
 
 class Unusable(click.ClickException):
     """Input that cannot be used: one line on stderr."""
@@ -42,14 +45,16 @@ class Bug(click.ClickException):
 
 
 def one_line(text: object) -> str:
-    r"""Return a text on one line, without control characters.
+    r"""Return a text on one line, without control characters, without the middle if it is long.
 
     Examples
     --------
     >>> one_line("two\nlines \x1b[31m")
     'two lines ?[31m'
     """
-    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+    half = LONGEST // 2
+    return line if len(line) <= LONGEST else f"{line[:half]} ... {line[-half:]}"
 
 
 @contextmanager
@@ -96,7 +101,17 @@ def _is_not_ours(error: Exception) -> bool:
 def _told(error: Exception) -> Exception:
     if isinstance(error, click.ClickException):
         return error
+    if isinstance(error, OSError) and error.errno is not None:
+        return Unusable(one_line(f"{_shortened(error.filename)}: {error.strerror}."))
+    if isinstance(error, MemoryError):
+        return Unusable("expected input that fits into memory, got more. Remedy: fewer records.")
     return Unusable(one_line(error)) if isinstance(error, UNUSABLE) or _lacks(error) else Bug(error)
+
+
+def _shortened(path: object) -> str:
+    """Return the name of a file for an error; what has none is a stream."""
+    name = "output" if path is None else str(path)
+    return name if len(name) <= SHOWN else f"{name[:SHOWN]} ..."
 
 
 def _lacks(error: Exception) -> bool:

@@ -67,7 +67,7 @@ _HOLD = click.option(
 )
 _SUBSTEPS = click.option(
     "--substeps",
-    type=click.IntRange(min=1),
+    type=click.IntRange(min=1, max=10_000),
     metavar="N",
     help="Integration steps from sample to sample; by default as the model file says, else as "
     "many as accuracy needs.",

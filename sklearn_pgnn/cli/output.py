@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +11,7 @@ from sklearn_pgnn.cli.guard import writing
 from sklearn_pgnn.cli.signals import held
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.whole_file import write_whole
+from sklearn_pgnn.whole_file import WorkingFolder, remove_leftovers, write_whole
 
 
 def strict_json(diagnosis) -> str:
@@ -40,7 +39,9 @@ def refuse_existing(path, *, force: bool) -> None:
     """
     if not Path(path).absolute().parent.is_dir():
         raise OptionError(f"{path}: expected its folder to exist. Remedy: create it first.")
-    if Path(path).exists() and not force:
+    if Path(path).is_dir():
+        raise OptionError(f"{path}: expected a file, got a folder. Remedy: another name.")
+    if os.path.lexists(path) and not force:
         raise OptionError(
             f"{path}: expected a new file, got an existing one. Remedy: another name, or --force "
             f"to replace it."
@@ -66,6 +67,7 @@ def write_file(path, text: str, *, force: bool) -> None:
     """
     refuse_existing(path, force=force)
     with held(), writing(path):
+        remove_leftovers(Path(path).absolute().parent)
         write_whole(Path(path), text)
 
 
@@ -95,7 +97,7 @@ def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[st
             failed[name] = error
         else:
             with writing(folder / name):
-                (folder / name).write_text(text, encoding="utf-8")
+                (folder / name).write_text(text, encoding="utf-8", errors="replace")
     return failed
 
 
@@ -121,7 +123,13 @@ def check_free(output: Path, names: Sequence[str], *, force: bool) -> list[str]:
     OptionError
         If there are any and none may be replaced.
     """
-    there = [name for name in names if (output / name).exists()]
+    folders = [name for name in names if (output / name).is_dir()]
+    if folders:
+        raise OptionError(
+            f"--output: {output}: expected no folder of the name {folders[0]}, which is a file of "
+            f"the result. Remedy: another folder for the results."
+        )
+    there = [name for name in names if os.path.lexists(output / name)]
     if there and not force:
         raise OptionError(
             f"--output: {output}: expected no earlier result, got {', '.join(there)}. "
@@ -134,7 +142,8 @@ def check_free(output: Path, names: Sequence[str], *, force: bool) -> list[str]:
 def result_folder(output: Path):
     """Yield a temporary folder whose files are moved to `output` on success.
 
-    It stands beside `output`, and is removed after an error or a signal.
+    It stands beside `output`, and is removed after an error or a signal; where it could not be,
+    the next run removes it.
 
     Parameters
     ----------
@@ -153,14 +162,14 @@ def result_folder(output: Path):
     """
     _check_place(output)
     with held(), writing(output):
-        temporary = tempfile.TemporaryDirectory(prefix=".sklearn_pgnn_", dir=_beside(output))
+        temporary = WorkingFolder(_beside(output))
     try:
-        yield Path(temporary.name)
+        yield temporary.path
         with held(), writing(output):
-            _move_all(sorted(Path(temporary.name).iterdir()), output)
+            _move_all(sorted(temporary.path.iterdir()), output)
     finally:
         with held():
-            temporary.cleanup()
+            temporary.remove()
 
 
 def remove_files(output: Path, names: Iterable[str]) -> None:
@@ -179,6 +188,11 @@ def remove_files(output: Path, names: Iterable[str]) -> None:
 
 
 def _check_place(output: Path) -> None:
+    if output.is_symlink() and not output.exists():
+        raise OptionError(
+            f"--output: {output}: expected a folder for the results, got a link to nothing. "
+            f"Remedy: remove the link, or another name."
+        )
     if output.exists() and not output.is_dir():
         raise OptionError(f"--output: {output}: expected a folder for the results, got a file.")
     place = _beside(output)
@@ -202,4 +216,4 @@ def _move(file: Path, target: Path) -> None:
     try:
         os.replace(file, target)
     except OSError:  # another file system, or a folder of that name
-        shutil.copy(file, target)
+        shutil.copyfile(file, target)

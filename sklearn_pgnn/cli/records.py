@@ -10,7 +10,7 @@ import click
 import pandas as pd
 
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
+from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.priors import from_fmu
 from sklearn_pgnn.trajectories.files import open_file, read_files
@@ -44,7 +44,7 @@ def read_model_and_records(
 
 
 def read_model(path: str | PathLike) -> PhysicsModel:
-    """Read a model file, and print the terms whose units are inconsistent.
+    """Read a model file, and print what is doubtful in it.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def read_model(path: str | PathLike) -> PhysicsModel:
     PhysicsModel
         The model.
     """
-    with told_warnings(UnitWarning):
+    with told_warnings(ModelWarning):
         return open_model(path)
 
 

@@ -1,7 +1,10 @@
 """Records of a cart on a spring with a hidden effect."""
 
+from typing import Any
+
 from sklearn.utils import check_random_state
 
+from sklearn_pgnn.annotations import RandomState
 from sklearn_pgnn.datasets.hidden_effect import HiddenEffect, make_hidden_effect
 from sklearn_pgnn.physics.systems import cart_on_spring
 
@@ -9,12 +12,12 @@ from sklearn_pgnn.physics.systems import cart_on_spring
 def make_cart(
     n_records: int = 6,
     *,
-    effect="cubic_stiffness",
+    effect: Any = "cubic_stiffness",
     duration: float = 10.0,
     sample_rate: float = 200.0,
     noise: float = 1e-3,
     parameter_error: float = 0.05,
-    random_state=0,
+    random_state: RandomState = 0,
 ) -> HiddenEffect:
     r"""Make records of a cart on a spring, :math:`m \ddot x = F - k x - d \dot x - \text{effect}`.
 

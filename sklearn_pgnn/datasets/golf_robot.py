@@ -1,8 +1,12 @@
 """Records of a golf robot with stick-slip friction."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import pandas as pd
 from sklearn.utils import check_random_state
 
+from sklearn_pgnn.annotations import RandomState
 from sklearn_pgnn.datasets.excitation import excite
 from sklearn_pgnn.datasets.records import add_noise, make_tables
 from sklearn_pgnn.datasets.rig import Rig, find_amplitudes, run_bounded
@@ -80,10 +84,10 @@ def make_golf_robot(
     duration: float = 10.0,
     sample_rate: float = 1000.0,
     noise: float = 1e-3,
-    excitation=EXCITATION,
+    excitation: str | Sequence[str] = EXCITATION,
     reference: bool = False,
-    random_state=0,
-):
+    random_state: RandomState = 0,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Make records of the golf robot with stick-slip, the club always below the horizontal.
 
     The corresponding prior is `sklearn_pgnn.systems.golf_robot`; the machine is

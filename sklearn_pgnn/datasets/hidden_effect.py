@@ -1,12 +1,14 @@
 """Records of a machine with physical effects that the engineer's model lacks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.utils import check_random_state
 
+from sklearn_pgnn.annotations import RandomState
 from sklearn_pgnn.datasets.excitation import excite
 from sklearn_pgnn.datasets.records import add_noise, make_tables, noise_levels
 from sklearn_pgnn.datasets.rig import Rig, find_amplitudes, resting_input, run_bounded
@@ -61,18 +63,18 @@ class HiddenEffect:
 
 
 def make_hidden_effect(
-    model=None,
-    effect=None,
+    model: PhysicsModel | None = None,
+    effect: Any = None,
     *,
     n_records: int = 8,
     duration: float = 10.0,
     sample_rate: float = 500.0,
-    noise=1e-3,
+    noise: float | Mapping[str, float] = 1e-3,
     parameter_error: float = 0.07,
-    excitation="mixed",
+    excitation: str | Sequence[str] = "mixed",
     amplitude: float | None = None,
     substeps: int | None = None,
-    random_state=None,
+    random_state: RandomState = None,
 ) -> HiddenEffect:
     r"""Make records of a machine that differs from its model by one or several hidden effects.
 

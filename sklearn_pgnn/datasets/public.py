@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import loadmat
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
@@ -57,7 +58,7 @@ class PublicBenchmark:
     prior: PhysicsModel
 
 
-def load_emps(*, data_home=None) -> PublicBenchmark:
+def load_emps(*, data_home: FilePath | None = None) -> PublicBenchmark:
     r"""Load the electro-mechanical positioning system: a carriage on a ball screw, at 1 kHz.
 
     .. math:: M \ddot q = F - F_v \dot q
@@ -106,7 +107,7 @@ def load_emps(*, data_home=None) -> PublicBenchmark:
     return _benchmark(train, test, 20, _emps_prior())
 
 
-def load_cascaded_tanks(*, data_home=None) -> PublicBenchmark:
+def load_cascaded_tanks(*, data_home: FilePath | None = None) -> PublicBenchmark:
     r"""Load the cascaded tanks: a pump and two tanks, one above the other, that can overflow.
 
     .. math::
@@ -156,7 +157,7 @@ def load_cascaded_tanks(*, data_home=None) -> PublicBenchmark:
     return _benchmark(train, test, 50, _tanks_prior())
 
 
-def load_coupled_drives(*, data_home=None) -> PublicBenchmark:
+def load_coupled_drives(*, data_home: FilePath | None = None) -> PublicBenchmark:
     r"""Load the coupled electric drives: two motors, a belt and a pulley on a spring, at 50 Hz.
 
     .. math:: G(s) = \frac{k\,\alpha\,\omega_0^2}{(s + \alpha)(s^2 + 2 \xi \omega_0 s + \omega_0^2)}
@@ -212,7 +213,7 @@ def load_coupled_drives(*, data_home=None) -> PublicBenchmark:
     return _benchmark(train, rest, 10, _drives_prior())
 
 
-def load_silverbox(*, data_home=None) -> PublicBenchmark:
+def load_silverbox(*, data_home: FilePath | None = None) -> PublicBenchmark:
     r"""Load the silverbox: an electronic oscillator whose spring hardens, at 610 Hz.
 
     .. math:: \ddot y = b\,u - d\,\dot y - k\,y

@@ -1,8 +1,10 @@
 """Records of a servo valve with a limited slider."""
 
 import numpy as np
+import pandas as pd
 from sklearn.utils import check_random_state
 
+from sklearn_pgnn.annotations import RandomState
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.datasets.records import add_noise, make_tables
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -73,8 +75,8 @@ def make_servo_valve(
     sample_rate: float = 2000.0,
     noise: float = 2e-3,
     reference: bool = False,
-    random_state=0,
-):
+    random_state: RandomState = 0,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Make step records of the servo valve with limits.
 
     The corresponding priors are `sklearn_pgnn.systems.servo_valve` with and without limits;

@@ -1,7 +1,10 @@
 """Records of two tanks in cascade with a hidden effect of the pump."""
 
+from typing import Any
+
 from sklearn.utils import check_random_state
 
+from sklearn_pgnn.annotations import RandomState
 from sklearn_pgnn.datasets.hidden_effect import HiddenEffect, make_hidden_effect
 from sklearn_pgnn.physics.effects import InputDeadZone
 from sklearn_pgnn.physics.systems import two_tanks
@@ -13,12 +16,12 @@ AMPLITUDE = 2.7
 def make_two_tanks(
     n_records: int = 4,
     *,
-    effect="dead zone",
+    effect: Any = "dead zone",
     duration: float = 600.0,
     sample_rate: float = 1.0,
     noise: float = 0.01,
     parameter_error: float = 0.05,
-    random_state=0,
+    random_state: RandomState = 0,
 ) -> HiddenEffect:
     r"""Make records of two tanks, only the lower level measured, the pump between 0.3 and 5.7 V.
 

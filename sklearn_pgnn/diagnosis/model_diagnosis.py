@@ -1,15 +1,18 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from sklearn.base import BaseEstimator, MultiOutputMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import ArrayLike, Column, FilePath, RandomState, Table
 from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
@@ -232,21 +235,21 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self,
         model: PhysicsModel,
         *,
-        catalogue=None,
-        targets=None,
-        max_causes=4,
-        window_length=None,
-        noise_std=None,
-        alpha=0.01,
-        smallest_share=0.05,
-        hold="auto",
-        substeps=None,
-        time_column=None,
-        n_jobs=None,
-        random_state=0,
-        progress=None,
-        time_limit=None,
-        verbose=0,
+        catalogue: Sequence[type[Effect] | str] | None = None,
+        targets: Sequence[str] | None = None,
+        max_causes: int = 4,
+        window_length: float | str | None = None,
+        noise_std: ArrayLike | Mapping[str, float] | None = None,
+        alpha: float = 0.01,
+        smallest_share: float = 0.05,
+        hold: str = "auto",
+        substeps: int | None = None,
+        time_column: Column | None = None,
+        n_jobs: int | None = None,
+        random_state: RandomState = 0,
+        progress: Callable[[str, int, int], None] | None = None,
+        time_limit: float | None = None,
+        verbose: int = 0,
     ):
         self.model = model
         self.catalogue = catalogue
@@ -275,7 +278,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     @with_progress
     @one_thread_each()
-    def fit(self, X, y):
+    def fit(self, X: Table, y: Table) -> Self:
         """Diagnose the model on records.
 
         Parameters
@@ -499,7 +502,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return the effect of the catalogue with a given id and target."""
         return effect_named(named, read_catalogue(self.catalogue))
 
-    def predict(self, X):
+    def predict(self, X: Table) -> Any:
         """Simulate the extended model in free run from every trajectory's initial state.
 
         Parameters
@@ -534,15 +537,15 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_is_fitted(self)
         return plain_diagnosis(self)
 
-    def causes_frame(self):
+    def causes_frame(self) -> pd.DataFrame:
         """Return the named causes as a DataFrame, one row per parameter."""
         return frames.causes_frame(self)
 
-    def parameters_frame(self):
+    def parameters_frame(self) -> pd.DataFrame:
         """Return the prior's re-tuned parameters as a DataFrame, one row each."""
         return frames.parameters_frame(self)
 
-    def gain_frame(self):
+    def gain_frame(self) -> pd.DataFrame:
         """Return the errors before and after extending as a DataFrame, one row per output."""
         return frames.gain_frame(self)
 
@@ -552,7 +555,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def _repr_latex_(self) -> str | None:
         return reading("diagnosis_latex")(self)
 
-    def to_html(self, path) -> None:
+    def to_html(self, path: FilePath) -> None:
         """Write the report, one self-contained file.
 
         Parameters
@@ -565,16 +568,16 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     @with_progress
     def detectability(
         self,
-        effects=None,
-        targets=None,
+        effects: Sequence[type[Effect] | str] | None = None,
+        targets: Sequence[str] | None = None,
         *,
-        power=0.9,
-        sizes=(0.25, 0.5, 1.0, 2.0),
-        noise="residual",
-        n_repeats=200,
-        verify=False,
-        random_state=0,
-    ):
+        power: float = 0.9,
+        sizes: Sequence[float] = (0.25, 0.5, 1.0, 2.0),
+        noise: str = "residual",
+        n_repeats: int = 200,
+        verify: bool = False,
+        random_state: RandomState = 0,
+    ) -> Detectability:
         r"""Return the smallest size at which records like these would reveal each effect.
 
         Every effect is added to the extended model, which is simulated with the records' own
@@ -648,7 +651,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return Detectability(rows, float(power), tuple(map(float, sizes)))
 
     @one_thread_each()
-    def separating_experiment(self, cause=None, other=None, *, reach=1.0):
+    def separating_experiment(
+        self, cause: Any = None, other: Any = None, *, reach: float = 1.0
+    ) -> Separation:
         """Find the experiment that would separate a cause from another one.
 
         Both causes are fitted and simulated under designed inputs: steps, slow ramps, pulses with
@@ -696,7 +701,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         mine, theirs = two_to_separate(causes, read_catalogue(self.catalogue), cause, other)
         return separate(self.records_, mine, theirs, self._criterion(), reach)
 
-    def plot(self):
+    def plot(self) -> Any:
         """Plot the measured outputs with the simulations of the prior and the extended model.
 
         Returns

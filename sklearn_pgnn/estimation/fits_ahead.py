@@ -19,7 +19,7 @@ from joblib import delayed
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.estimation.unusable import FailureLog
 from sklearn_pgnn.exceptions import SimulationWarning
-from sklearn_pgnn.threads import in_turn, one_thread_each
+from sklearn_pgnn.threads import end_with_parent, in_turn, one_thread_each
 from sklearn_pgnn.user_line import warn_user
 
 if TYPE_CHECKING:
@@ -188,6 +188,7 @@ _RECEIVED = _Received()
 @one_thread_each()
 def _run(batch: str, packed: np.ndarray, at: int) -> tuple[Any, FailureLog] | None:
     """Return one fit of a batch and its numerical failures; None after the time limit."""
+    end_with_parent()
     _RECEIVED.unpack(batch, packed)
     fitter = _RECEIVED.fitter
     fitter.failures, fitter.progress = FailureLog(), _RECEIVED.progress()

@@ -1,12 +1,19 @@
+# what torch and skorch set is not typed
+# mypy: disable-error-code="has-type,assignment,operator,misc,union-attr,arg-type"
 """The paper's physics-guided neural network with a physical loss, as a skorch regressor."""
 
+from __future__ import annotations
+
 import contextlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import numpy as np
 from sklearn.base import MultiOutputMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import ArrayLike, Column, RandomState, Table
 from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
 from sklearn_pgnn.estimators.network.free_run import ready_to_run
@@ -32,6 +39,9 @@ from sklearn_pgnn.trajectories.validation import (
     require_target,
 )
 from sklearn_pgnn.user_line import warn_user
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
 
 with needed_by("PGNNLRegressor"):
     import torch
@@ -264,40 +274,40 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
 
     def __init__(
         self,
-        model=None,
+        model: PhysicsModel | None = None,
         *,
-        structure="auto",
-        guide="auto",
-        lambda_phy=0.0,
-        physics_loss=None,
-        scaled=True,
-        free=None,
-        overlap=0.1,
-        corrects=None,
-        sees=None,
-        horizon=1,
-        rollout_epochs=20,
-        refine="auto",
-        refine_max_iter=500,
-        validation_fraction=0.2,
-        n_iter_no_change=100,
-        states=None,
-        hold=None,
-        substeps=None,
-        time_column=None,
-        random_state=0,
-        module=FeedForward,
-        criterion=nn.MSELoss,
-        optimizer=torch.optim.Adam,
-        lr=0.01,
-        max_epochs=50,
-        batch_size=2048,
-        iterator_train=TensorBatches,
-        iterator_train__shuffle=True,
-        train_split=None,
-        use_caching=False,
-        verbose=0,
-        **kwargs,
+        structure: str = "auto",
+        guide: str = "auto",
+        lambda_phy: float | str = 0.0,
+        physics_loss: Any = None,
+        scaled: bool = True,
+        free: Sequence[str] | str | None = None,
+        overlap: float = 0.1,
+        corrects: Sequence[str] | None = None,
+        sees: Sequence[str] | None = None,
+        horizon: int = 1,
+        rollout_epochs: int = 20,
+        refine: str = "auto",
+        refine_max_iter: int = 500,
+        validation_fraction: float = 0.2,
+        n_iter_no_change: int = 100,
+        states: Sequence[str] | None = None,
+        hold: str | None = None,
+        substeps: int | None = None,
+        time_column: Column | None = None,
+        random_state: RandomState = 0,
+        module: Any = FeedForward,
+        criterion: Any = nn.MSELoss,
+        optimizer: Any = torch.optim.Adam,
+        lr: float = 0.01,
+        max_epochs: int = 50,
+        batch_size: int = 2048,
+        iterator_train: Any = TensorBatches,
+        iterator_train__shuffle: bool = True,
+        train_split: Any = None,
+        use_caching: bool = False,
+        verbose: int = 0,
+        **kwargs: Any,
     ):
         super().__init__(
             module,
@@ -337,7 +347,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
 
     # -- scikit-learn ------------------------------------------------------------------------------
 
-    def fit(self, X, y, **fit_params):
+    def fit(self, X: Table, y: Table, **fit_params: Any) -> Self:
         """Train the network.
 
         Parameters
@@ -365,7 +375,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         """
         return self._fit(X, y, anew=not (self.warm_start and self.initialized_), **fit_params)
 
-    def partial_fit(self, X, y=None, classes=None, **fit_params):
+    def partial_fit(
+        self, X: Table, y: Table = None, classes: Any = None, **fit_params: Any
+    ) -> Self:
         """Continue the training from the present weights, with the present scaling.
 
         Parameters
@@ -384,7 +396,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         """
         return self._fit(X, y, anew=not self.initialized_, **fit_params)
 
-    def predict(self, X):
+    def predict(self, X: Table) -> Any:
         """Simulate every trajectory in free run from its initial state.
 
         Parameters
@@ -413,7 +425,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             y = rows_in_order(runs.records, np.concatenate(found))
         return y.ravel() if self._single_output else y
 
-    def predict_states(self, X):
+    def predict_states(self, X: Table) -> np.ndarray:
         """Simulate the states of every trajectory in free run from its initial state.
 
         Parameters
@@ -441,7 +453,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         own = [x[kept] for x, kept in zip(runs.x, runs.kept, strict=True)]
         return rows_in_order(runs.records, np.concatenate(own))
 
-    def predict_ahead(self, X, y, steps=1):
+    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
         """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
@@ -489,11 +501,11 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         return outputs.ravel() if self._single_output else outputs
 
     @property
-    def predict_proba(self):
+    def predict_proba(self) -> NoReturn:
         """Not available: a regressor has no probabilities."""
         raise AttributeError(f"{type(self).__name__} has no predict_proba.")
 
-    def physics_residual(self, X, states=None):
+    def physics_residual(self, X: Table, states: ArrayLike | None = None) -> np.ndarray:
         """Return the physical residuals of a prediction; no measurement is needed.
 
         Parameters
@@ -544,7 +556,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             raise ValueError(f"states: expected shape {shape}, got {states.shape}.")
         return states
 
-    def stepper(self, x0=None, interval=None):
+    def stepper(self, x0: ArrayLike | None = None, interval: float | None = None) -> Stepper:
         """Return the network as a single step with its state, for a real-time loop.
 
         Parameters

@@ -1,12 +1,15 @@
 """A physical model whose parameters are fitted to records."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import ArrayLike, Column, RandomState, Table
 from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.parameter_search import (
     SEARCHES,
@@ -171,17 +174,17 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self,
         model: PhysicsModel,
         *,
-        free=None,
-        within_spread=False,
-        search="auto",
-        window_length=None,
-        noise_std=None,
-        hold=None,
-        substeps=None,
-        time_column=None,
-        n_jobs=None,
-        random_state=0,
-        verbose=0,
+        free: Sequence[str] | str | None = None,
+        within_spread: bool = False,
+        search: str = "auto",
+        window_length: float | str | None = None,
+        noise_std: ArrayLike | Mapping[str, float] | None = None,
+        hold: str | None = None,
+        substeps: int | None = None,
+        time_column: Column | None = None,
+        n_jobs: int | None = None,
+        random_state: RandomState = 0,
+        verbose: int = 0,
     ):
         self.model = model
         self.free = free
@@ -201,7 +204,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         warn_of_constant_outputs(self.model, records, noise_is_told=noise_is_told)
         warn_of_repeats(records)
 
-    def fit(self, X, y, **fit_params):
+    def fit(self, X: Table, y: Table, **fit_params: Any) -> Self:
         """Fit the free parameters.
 
         Parameters
@@ -261,7 +264,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._warn_of_worse(records)
         return self
 
-    def predict(self, X):
+    def predict(self, X: Table) -> Any:
         """Simulate every trajectory in free run from its initial state.
 
         Parameters
@@ -280,7 +283,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         return self._shaped(self._simulate(self._read_new(X), self.model_.outputs))
 
-    def predict_states(self, X):
+    def predict_states(self, X: Table) -> np.ndarray:
         """Simulate the states of every trajectory in free run from its initial state.
 
         Parameters
@@ -295,7 +298,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         return self._simulate(self._read_new(X), self.model_.states)
 
-    def predict_ahead(self, X, y, steps=1):
+    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
         """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
@@ -333,7 +336,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         _, outputs = predict_records_ahead(self._runs, self.model_, records, steps, self.noise_)
         return self._shaped(outputs)
 
-    def predict_interval(self, X, coverage=0.9):
+    def predict_interval(self, X: Table, coverage: float = 0.9) -> tuple[np.ndarray, np.ndarray]:
         r"""Return the interval in which the measured outputs of a free run are expected.
 
         .. math:: \hat y_k \pm q \sqrt{J_k C J_k^T + s^2}
@@ -430,7 +433,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     @one_thread_each()
     def _find(self, records, names) -> ParameterFit:
         """Cut the records into windows and fit the parameters."""
-        options = {
+        options: dict[str, Any] = {
             "noise_std": self.noise_std,
             "hold": self.hold,
             "substeps": self.substeps,
@@ -480,7 +483,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         windows = found.windowed.windows
         self.hold_, self.substeps_, self.method_ = windows.hold, windows.substeps, windows.method
         said = {"hold": self.hold_, **windows.steps.settings}
-        self.model_ = found.fit.model.replace(simulation=said)
+        self.model_: PhysicsModel = found.fit.model.replace(simulation=said)
         limits = limits_of(np.concatenate([record.y for record in records]))
         interval = usual_step(records)
         self._simulated = (interval, self.substeps_, limits, self.hold_, self.method_)

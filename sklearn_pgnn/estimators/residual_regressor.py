@@ -1,6 +1,9 @@
 """Residual modelling: a physical model, and a regressor of its error."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
@@ -12,6 +15,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_array, check_consistent_length, get_tags
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import Column, Table
 from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.simulation.divergence import limits_of
@@ -36,6 +40,9 @@ from sklearn_pgnn.trajectories.validation import (
     require_target,
     validate_table,
 )
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
 
 
 class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -128,20 +135,20 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def __init__(
         self,
-        model=None,
-        regressor=None,
+        model: PhysicsModel | None = None,
+        regressor: Any = None,
         *,
-        time_column=None,
-        hold=None,
-        substeps=None,
+        time_column: Column | None = None,
+        hold: str | None = None,
+        substeps: int | None = None,
     ):
-        self.model = model
+        self.model: Any = model
         self.regressor = regressor
         self.time_column = time_column
         self.hold = hold
         self.substeps = substeps
 
-    def fit(self, X, y, **fit_params):
+    def fit(self, X: Table, y: Table, **fit_params: Any) -> Self:
         """Simulate the model, and fit the regressor to its error.
 
         Parameters
@@ -182,7 +189,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.regressor_ = _for_targets(clone(self._regressor()), target).fit(features[rows], target)
         return self
 
-    def predict(self, X):
+    def predict(self, X: Table) -> Any:
         """Simulate every trajectory in free run, and add the expected error.
 
         Parameters
@@ -211,7 +218,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         if self.model is None:
             raise ValueError(f"{method}: expected a regressor with a model, got none.")
 
-    def predict_states(self, X):
+    def predict_states(self, X: Table) -> np.ndarray:
         """Simulate the model's states of every trajectory in free run from its initial state.
 
         Parameters
@@ -235,7 +242,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         return self._runs.simulate(self.model, records, list(self.model.states))
 
-    def predict_ahead(self, X, y, steps=1):
+    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
         """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters

@@ -1,11 +1,13 @@
 """Sparse identification of nonlinear dynamics with control, as an estimator."""
 
 from numbers import Integral, Real
+from typing import Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from sklearn_pgnn.annotations import Column, Table
 from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.sindyc_gaps import refuse_no_rows, warn_of_gaps
@@ -175,17 +177,17 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self,
         model: PhysicsModel | None = None,
         *,
-        library="polynomial",
-        degree=2,
-        threshold=0.005,
-        alpha=1e-4,
-        optimizer=None,
-        discrete=False,
-        span=None,
-        time_column=None,
-        hold=None,
-        substeps=None,
-        verbose=0,
+        library: Any = "polynomial",
+        degree: int = 2,
+        threshold: float = 0.005,
+        alpha: float = 1e-4,
+        optimizer: Any = None,
+        discrete: bool = False,
+        span: float | None = None,
+        time_column: Column | None = None,
+        hold: str | None = None,
+        substeps: int | None = None,
+        verbose: int = 0,
     ):
         self.model = model
         self.library = library
@@ -200,7 +202,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.substeps = substeps
         self.verbose = verbose
 
-    def fit(self, X, y, **fit_params):
+    def fit(self, X: Table, y: Table, **fit_params: Any) -> Self:
         """Identify the equations.
 
         Parameters
@@ -238,7 +240,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
         return self._fit_rows(X, y)
 
-    def predict(self, X):
+    def predict(self, X: Table) -> Any:
         """Simulate every trajectory in free run from its first row.
 
         Parameters
@@ -258,7 +260,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         outputs = self._predict_rows(X) if self.model_ is None else self._predict_records(X)
         return outputs.ravel() if self._single_output else outputs
 
-    def predict_states(self, X):
+    def predict_states(self, X: Table) -> np.ndarray:
         """Simulate the states of every trajectory in free run from its initial state.
 
         Parameters
@@ -284,7 +286,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
         return self._predict_records(X, "x")
 
-    def predict_ahead(self, X, y, steps=1):
+    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
         """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters

@@ -8,6 +8,7 @@ drawn on top, the criterion of the diagnosis gives how often it would have named
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -132,7 +133,7 @@ class Detectability:
                 power = np.interp(np.log(multiple * smallest), strengths, powers, left=np.nan)
             yield multiple, float(power)
 
-    def plot(self, **options):
+    def plot(self, **options: Any) -> Any:
         """Plot the smallest sizes, and the power as a function of size.
 
         Parameters

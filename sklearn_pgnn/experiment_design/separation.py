@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.budgets import (
     DRAWS,
@@ -91,7 +92,7 @@ class Experiment:
     evidence: float
     repeats: float
 
-    def signal(self, t) -> np.ndarray:
+    def signal(self, t: ArrayLike) -> np.ndarray:
         """Return the input over time, to be recorded or simulated.
 
         Parameters

@@ -1,6 +1,7 @@
 """Models and networks as C99, for a microcontroller or another tool."""
 
 import sys
+from typing import Any
 
 from sklearn.utils.validation import check_is_fitted
 
@@ -10,7 +11,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def to_c(
-    model,
+    model: Any,
     interval: float | None = None,
     *,
     precision: str = "double",

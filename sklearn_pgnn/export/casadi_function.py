@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.explicit_steps import explicit_substeps
@@ -21,7 +22,7 @@ def to_casadi(
     friction_width: float | None = None,
     free: Sequence[str] = (),
     substeps: int | None = None,
-):
+) -> Any:
     r"""Return a model as a CasADi function, with derivatives, for optimal control.
 
     Without an `interval` the function gives the rates, :math:`(x, u, p, t) \mapsto (f, g)`; with

@@ -1,6 +1,7 @@
 """Models as python-control systems, for controller design and frequency responses."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ def to_control(
     name: str | None = None,
     method: str = "rk4",
     substeps: int | None = None,
-):
+) -> Any:
     r"""Return a model as a nonlinear python-control system.
 
     In continuous time the system is :math:`\dot x = f(t, x, u, p)`, :math:`y = g(t, x, u, p)`; with

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from uuid import NAMESPACE_URL, uuid5
 from xml.etree import ElementTree
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.c_machine import Machine, comment, machine_of, render
 from sklearn_pgnn.export.fmi_stubs import fmi_stubs
@@ -61,7 +62,7 @@ class Variable:
 
 def to_fmu(
     model: PhysicsModel,
-    path,
+    path: FilePath,
     interval: float,
     *,
     fmi: int = 2,

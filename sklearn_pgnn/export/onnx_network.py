@@ -1,5 +1,7 @@
 """One step of a trained network as an ONNX graph."""
 
+from typing import Any
+
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
@@ -16,12 +18,12 @@ OPSET, IR_VERSION = 18, 8
 
 
 def to_onnx(
-    network,
+    network: Any,
     interval: float | None = None,
     *,
     precision: str = "double",
     prior_as_input: bool = False,
-):
+) -> Any:
     r"""Return one step of a trained network as an ONNX model.
 
     The graph maps the state ``x`` and the inputs ``u``, as they act until the next sample, to

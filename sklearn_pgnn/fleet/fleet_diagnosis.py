@@ -1,14 +1,16 @@
 """The diagnosis of many machines as an estimator: run in parallel, saved as they finish."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any, Self
 
 import pandas as pd
 from joblib import Parallel, delayed, effective_n_jobs
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet import frames
@@ -99,13 +101,13 @@ class FleetDiagnosis(BaseEstimator):
         self,
         model: PhysicsModel,
         *,
-        options=None,
-        folder=None,
-        earlier=None,
-        rate=0.01,
-        sample_time=None,
-        n_jobs=None,
-        progress=None,
+        options: Mapping[str, Any] | None = None,
+        folder: FilePath | None = None,
+        earlier: Any = None,
+        rate: float = 0.01,
+        sample_time: float | None = None,
+        n_jobs: int | None = None,
+        progress: Callable[[str, int, int], None] | None = None,
     ):
         self.model = model
         self.options = options
@@ -116,7 +118,7 @@ class FleetDiagnosis(BaseEstimator):
         self.n_jobs = n_jobs
         self.progress = progress
 
-    def fit(self, records, y=None):
+    def fit(self, records: Mapping[str, Any], y: None = None) -> Self:
         """Diagnose the machines, or resume where an earlier fit was interrupted.
 
         A machine whose records cannot be used is marked in `machines_` and does not affect others.
@@ -300,7 +302,7 @@ class FleetDiagnosis(BaseEstimator):
         check_is_fitted(self)
         return frames.changes_frame(self)
 
-    def to_html(self, path) -> None:
+    def to_html(self, path: FilePath) -> None:
         """Write the report of the fleet as HTML, one row per machine.
 
         Parameters

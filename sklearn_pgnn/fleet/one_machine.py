@@ -12,6 +12,7 @@ from sklearn_pgnn.exceptions import UNUSABLE, DiagnosisWarning, RecordWarning
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.threads import end_with_parent
 from sklearn_pgnn.trajectories.files import read_files
 
 
@@ -83,6 +84,7 @@ class Job:
         Outcome
             What was found.
         """
+        end_with_parent()
         began = time.process_time()
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("ignore")

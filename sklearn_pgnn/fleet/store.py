@@ -12,7 +12,7 @@ from sklearn_pgnn.fleet.machine import Machine
 from sklearn_pgnn.fleet.one_machine import Outcome
 from sklearn_pgnn.inspection.diagnosis_comparison import FILE
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.whole_file import write_whole
+from sklearn_pgnn.whole_file import remove_leftovers, write_whole
 
 MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "extended_model.yaml"
 
@@ -79,6 +79,7 @@ class Store:
         """
         place = self.place(outcome.name)
         place.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(place)
         (place / FINISHED).unlink(missing_ok=True)
         for name in (PAGE, MODEL, FILE):
             (place / name).unlink(missing_ok=True)

@@ -1,11 +1,15 @@
 """Grey-box recipe as an estimator: diagnose, fit, learn the rest; the depth is cross-validated."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, check_memory
 
+from sklearn_pgnn.annotations import Column, Table
 from sklearn_pgnn.estimators.progress import progress_printer, silence, with_progress
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.cross_validation import check_window, is_unseen, training_error
@@ -47,6 +51,9 @@ from sklearn_pgnn.trajectories.validation import (
     require_target,
     validate_table,
 )
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 
 class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -188,20 +195,20 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def __init__(
         self,
-        model,
+        model: PhysicsModel,
         *,
-        depths=None,
-        diagnosis=None,
-        network=None,
-        n_splits=3,
-        by="auto",
-        initial_window=0,
-        least_gain=0.01,
-        time_column=None,
-        n_jobs=None,
-        memory=None,
-        time_limit=None,
-        verbose=0,
+        depths: Sequence[str] | None = None,
+        diagnosis: ModelDiagnosis | None = None,
+        network: Any = None,
+        n_splits: int = 3,
+        by: str = "auto",
+        initial_window: int = 0,
+        least_gain: float = 0.01,
+        time_column: Column | None = None,
+        n_jobs: int | None = None,
+        memory: Any = None,
+        time_limit: float | None = None,
+        verbose: int = 0,
     ):
         self.model = model
         self.depths = depths
@@ -217,7 +224,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.time_limit = time_limit
         self.verbose = verbose
 
-    def set_params(self, **params):
+    def set_params(self, **params: Any) -> Self:
         """Set parameters; if the diagnosis or network is None, those of the default one.
 
         Parameters
@@ -256,7 +263,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return network_or_default(self.network)
 
     @with_progress
-    def fit(self, X, y, **fit_params):
+    def fit(self, X: Table, y: Table, **fit_params: Any) -> Self:
         """Diagnose, fit every depth in every fold, and the chosen one to all records.
 
         Parameters
@@ -287,7 +294,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._single_output = np.asarray(y).ndim == 1
         folds = hidden_parts(records, self.n_splits, self.by)
         check_window(table, folds, self.initial_window)
-        vars(self).pop("diagnosis_", None)  # of an earlier fit
+        self.__dict__.pop("diagnosis_", None)  # of an earlier fit
         whole = any(is_unseen(table, hidden).any() for hidden in folds)
         candidates = self._candidates(depths, table, time, judges_new_records=whole)
         judged = self._judge(table, folds, time).judge_all(candidates, depths, self.network)
@@ -319,7 +326,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Tell what starts a table to be predicted without y lacks."""
         warn_of_missing_starts(self._starting_prior(), self._told, records)
 
-    def predict(self, X):
+    def predict(self, X: Table) -> Any:
         """Simulate every trajectory in free run from its initial state.
 
         Parameters
@@ -339,7 +346,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         starts = usual_starts(self.model_, table)
         return self._as_given(records, self._fitted.predict(table, starts))
 
-    def predict_states(self, X):
+    def predict_states(self, X: Table) -> np.ndarray:
         """Simulate the states of every trajectory in free run from its initial state.
 
         Parameters
@@ -362,7 +369,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         started = table.starting(self.model_, usual_starts(self.model_, table))
         return rows_in_order(records, self.estimator_.predict_states(started))
 
-    def predict_ahead(self, X, y, steps=1):
+    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
         """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
@@ -393,7 +400,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ahead = self.estimator_.predict_ahead(started, table.y, steps)
         return self._as_given(records, np.asarray(ahead).reshape(table.y.shape))
 
-    def predict_from(self, X, y):
+    def predict_from(self, X: Table, y: Table) -> np.ndarray:
         """Simulate every trajectory from an initial state fitted to its first measured samples.
 
         Parameters
@@ -428,7 +435,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         )
         return self._as_given(records, self._fitted.predict(table, starts))
 
-    def predict_interval(self, X, coverage=0.9, y=None):
+    def predict_interval(
+        self, X: Table, coverage: float = 0.9, y: Table = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         r"""Return the interval in which the measured outputs of a free run are expected.
 
         .. math:: \hat y_k \pm q

@@ -1,5 +1,10 @@
 """Every candidate of a diagnosis, and the error that it leaves as the only cause."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
+
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
@@ -7,6 +12,9 @@ from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.panels import panels
 from sklearn_pgnn.inspection.style import COLOURS, log_axis, plain, tidy
 from sklearn_pgnn.inspection.yardstick import ratio, together
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 
 class CandidatesDisplay:
@@ -39,12 +47,20 @@ class CandidatesDisplay:
     ['friction']
     """
 
-    def __init__(self, names, left, named, *, noise=0.0, ends=None):
+    def __init__(
+        self,
+        names: Sequence[str],
+        left: Sequence[float],
+        named: Sequence[bool],
+        *,
+        noise: float = 0.0,
+        ends: Sequence[tuple[float, float]] | None = None,
+    ):
         self.names, self.left, self.named = list(names), list(left), list(named)
         self.noise, self.ends = float(noise), None if ends is None else list(ends)
 
     @classmethod
-    def from_estimator(cls, diagnosis, *, most=20, ax=None):
+    def from_estimator(cls, diagnosis: ModelDiagnosis, *, most: int = 20, ax: Any = None) -> Self:
         """Plot the candidates of a diagnosis.
 
         Parameters
@@ -73,7 +89,7 @@ class CandidatesDisplay:
             ends=[(c.low, c.high) for c in shown],
         ).plot(ax=ax)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Any = None) -> Self:
         """Draw the plot.
 
         Parameters

@@ -2,6 +2,8 @@
 
 import sympy
 
+from sklearn_pgnn.physics.expansion import expanded
+
 
 def cases_of(expression: sympy.Expr, moving) -> list[tuple[sympy.Expr, sympy.Expr]]:
     """Return what an expression is in each case, where it has cases of one kind.
@@ -39,7 +41,7 @@ def _by_sign(expression):
     cases = []
     for sign, condition in ((1, of > 0), (-1, of < 0)):
         value = expression.subs({sympy.sign(of): sign, sympy.Abs(of): sign * of})
-        cases.append((sympy.expand(value), condition))
+        cases.append((expanded(value), condition))
     return cases
 
 

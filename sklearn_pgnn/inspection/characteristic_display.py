@@ -1,10 +1,17 @@
 """The characteristic of a cause: the machine's behaviour against the quantity it depends on."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.inspection.display import draw_evidence
 from sklearn_pgnn.inspection.evidence import find_evidence, missing_evidence
 from sklearn_pgnn.inspection.panels import panels
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 
 class CharacteristicDisplay:
@@ -33,11 +40,11 @@ class CharacteristicDisplay:
     'v [m/s]'
     """
 
-    def __init__(self, evidence):
+    def __init__(self, evidence: Any):
         self.evidence = evidence
 
     @classmethod
-    def from_estimator(cls, diagnosis, cause=0, *, ax=None):
+    def from_estimator(cls, diagnosis: ModelDiagnosis, cause: Any = 0, *, ax: Any = None) -> Self:
         """Plot the characteristic of a cause of a diagnosis.
 
         Parameters
@@ -70,7 +77,7 @@ class CharacteristicDisplay:
             )
         return cls(missing_evidence(diagnosis)).plot(ax=ax)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Any = None) -> Self:
         """Draw the plot.
 
         Parameters

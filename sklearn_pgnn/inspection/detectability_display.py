@@ -1,10 +1,17 @@
 """Plot of a detectability: the smallest size at which every effect is detected."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
 import numpy as np
 
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.least_size import least_size
 from sklearn_pgnn.inspection.style import COLOURS, log_axis, plain, shown_figure, tidy
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.experiment_design.detectability import Detectability
 
 
 class DetectabilityDisplay:
@@ -33,10 +40,10 @@ class DetectabilityDisplay:
     ['Coulomb friction on v']
     """
 
-    def __init__(self, detectability):
+    def __init__(self, detectability: Detectability):
         self.detectability = detectability
 
-    def plot(self, *, figure=None):
+    def plot(self, *, figure: Any = None) -> Self:
         """Draw the plot.
 
         Sizes are drawn as fractions of the largest one evaluated; the text beside each line gives
@@ -92,7 +99,7 @@ def _rgb(colour: str) -> tuple[float, ...]:
     return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
 
 
-def plot_detectability(detectability, **options) -> DetectabilityDisplay:
+def plot_detectability(detectability: Detectability, **options: Any) -> DetectabilityDisplay:
     """Plot a detectability.
 
     Parameters

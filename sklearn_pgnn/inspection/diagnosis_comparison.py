@@ -7,7 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.cause_names import cause_name
@@ -141,7 +143,7 @@ class DiagnosisComparison:
         names = list(self.names)
         return {"names": names, "differences": list(self.differences), "quantities": quantities}
 
-    def to_html(self, path) -> None:
+    def to_html(self, path: FilePath) -> None:
         """Write the comparison as a report, one self-contained file.
 
         Parameters
@@ -154,7 +156,7 @@ class DiagnosisComparison:
         Path(path).write_text(render_comparison(self), encoding="utf-8")
 
 
-def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisComparison:
+def compare(one: Any, other: Any, *, names: Sequence[str] | None = None) -> DiagnosisComparison:
     """Compare two diagnoses.
 
     Parameters

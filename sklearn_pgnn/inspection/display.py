@@ -1,11 +1,15 @@
 """Plot of a diagnosis: measured outputs, prior and extended model, and the evidence."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.curves import Evidence
@@ -14,6 +18,9 @@ from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, plain, shown_figure, tidy
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 #: points drawn of a cloud, and bins of its median
 CLOUD, BINS = 4000, 45
@@ -72,14 +79,21 @@ class DiagnosisDisplay:
     2
     """
 
-    def __init__(self, comparison: Comparison, evidence=()):
+    def __init__(self, comparison: Comparison, evidence: Any = ()):
         self.comparison = comparison
         self.evidence = tuple(evidence)
 
     @classmethod
     def from_estimator(
-        cls, diagnosis, X=None, y=None, *, kind="free_run", record=None, figure=None
-    ):
+        cls,
+        diagnosis: ModelDiagnosis,
+        X: Table = None,
+        y: Table = None,
+        *,
+        kind: str = "free_run",
+        record: int | None = None,
+        figure: Any = None,
+    ) -> Self:
         """Plot a fitted diagnosis.
 
         Parameters
@@ -105,7 +119,7 @@ class DiagnosisDisplay:
         evidence = [find_evidence(diagnosis, cause) for cause in diagnosis.causes_]
         return cls(compare(diagnosis, X, y, kind=kind, record=record), evidence).plot(figure=figure)
 
-    def plot(self, *, figure=None):
+    def plot(self, *, figure: Any = None) -> Self:
         """Draw the plot.
 
         Parameters
@@ -130,7 +144,7 @@ class DiagnosisDisplay:
         return self
 
 
-def plot_diagnosis(diagnosis) -> DiagnosisDisplay:
+def plot_diagnosis(diagnosis: ModelDiagnosis) -> DiagnosisDisplay:
     """Plot a fitted diagnosis on the records it was fitted on.
 
     Parameters

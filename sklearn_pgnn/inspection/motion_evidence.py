@@ -5,7 +5,6 @@ it.
 """
 
 import numpy as np
-import sympy
 
 from sklearn_pgnn.inspection.case import Case
 from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
@@ -13,6 +12,7 @@ from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effects.rates import is_velocity, unit_of_force
+from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.source import differentiate
@@ -58,7 +58,7 @@ def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
     state, model = curve.of, case.full
     if state not in case.seen or state not in model.equations or curve.over is None:
         return None
-    added = sympy.expand(model.equations[state] - case.without.equations[state])
+    added = expanded(model.equations[state] - case.without.equations[state])
     inertia = model.inertia.get(state)
     force = -added if inertia is None else -added * inertia
     over, unit, x = _abscissa(case, curve)

@@ -1,11 +1,19 @@
 """Parameters after a fit, as a forest plot: change against the prior, with intervals."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Self
+
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.panels import panels
 from sklearn_pgnn.inspection.style import COLOURS, plain, tidy
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
 
 
 class ParametersDisplay:
@@ -36,11 +44,11 @@ class ParametersDisplay:
     ['m = 2.10 (2.05 to 2.15) kg']
     """
 
-    def __init__(self, model, estimates):
+    def __init__(self, model: PhysicsModel, estimates: Mapping[str, Any]):
         self.model, self.estimates = model, dict(estimates)
 
     @classmethod
-    def from_estimator(cls, estimator, *, ax=None):
+    def from_estimator(cls, estimator: Any, *, ax: Any = None) -> Self:
         """Plot the parameters of a fitted estimator.
 
         Parameters
@@ -58,7 +66,7 @@ class ParametersDisplay:
         check_is_fitted(estimator)
         return cls(estimator.model, estimator.parameters_).plot(ax=ax)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Any = None) -> Self:
         """Draw the plot.
 
         For a parameter whose prior is 0, which has no change in percent, only the text is shown.

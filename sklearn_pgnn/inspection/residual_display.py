@@ -1,10 +1,12 @@
 """Whiteness of residuals, and their correlation with the inputs, as MATLAB's ``resid`` draws it."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any, Self
 
 import numpy as np
 from scipy.stats import binom, norm
 
+from sklearn_pgnn.annotations import ArrayLike, Table
 from sklearn_pgnn.inspection.absorbed_noise import expected_autocorrelation
 from sklearn_pgnn.inspection.estimator_runs import run_estimators
 from sklearn_pgnn.inspection.panels import panels
@@ -101,7 +103,15 @@ class ResidualDisplay:
     True
     """
 
-    def __init__(self, residuals, inputs: Mapping, *, output="", n_lags=25, expected=None):
+    def __init__(
+        self,
+        residuals: Sequence[ArrayLike],
+        inputs: Mapping,
+        *,
+        output: str = "",
+        n_lags: int = 25,
+        expected: ArrayLike | None = None,
+    ):
         self.residuals, self.inputs = list(residuals), dict(inputs)
         self.output, self.n_lags = output, int(n_lags)
         self.lags_ = np.arange(-self.n_lags, self.n_lags + 1)
@@ -116,7 +126,16 @@ class ResidualDisplay:
         self.band_ = float(norm.ppf((1 + INSIDE) / 2) / np.sqrt(max(count, 1)))
 
     @classmethod
-    def from_estimator(cls, estimator, X=None, y=None, *, output=None, n_lags=25, ax=None):
+    def from_estimator(
+        cls,
+        estimator: Any,
+        X: Table = None,
+        y: Table = None,
+        *,
+        output: str | None = None,
+        n_lags: int = 25,
+        ax: Any = None,
+    ) -> Self:
         """Plot the residuals of an estimator or a model.
 
         For a `ModelDiagnosis` without X, these are the residuals of its extended model over the
@@ -157,7 +176,7 @@ class ResidualDisplay:
             pairs = zip(runs.measured, simulated, strict=True)
             residuals, expected = [(y - yhat)[:, column] for y, yhat in pairs], None
         inputs = {name: [u[:, i] for u in runs.u] for i, name in enumerate(runs.model.inputs)}
-        about = {"output": list(runs.model.outputs)[column], "n_lags": n_lags}
+        about: dict[str, Any] = {"output": list(runs.model.outputs)[column], "n_lags": n_lags}
         return cls(residuals, inputs, expected=expected, **about).plot(ax=ax)
 
     def is_white(self) -> bool:
@@ -172,7 +191,7 @@ class ResidualDisplay:
         most = binom.ppf(INSIDE, off.size, 1 - INSIDE)
         return bool((np.abs(off) > self.band_).sum() <= most)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Any = None) -> Self:
         """Draw the plot.
 
         Parameters
@@ -208,7 +227,7 @@ class ResidualDisplay:
         tidy(axes)
 
 
-def resid(estimator, X=None, y=None, **options) -> ResidualDisplay:
+def resid(estimator: Any, X: Table = None, y: Table = None, **options: Any) -> ResidualDisplay:
     """Plot whiteness and cross-correlation of residuals, under the name used by MATLAB.
 
     Parameters

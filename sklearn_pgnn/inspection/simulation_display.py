@@ -1,9 +1,11 @@
 """Measured and simulated curves with their fit in percent, as MATLAB's ``compare`` draws them."""
 
 from collections.abc import Mapping
+from typing import Any, Self
 
 import numpy as np
 
+from sklearn_pgnn.annotations import ArrayLike, Table
 from sklearn_pgnn.inspection.estimator_runs import run_estimators
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.panels import panels
@@ -45,7 +47,16 @@ class SimulationDisplay:
     89.6
     """
 
-    def __init__(self, t, measured, simulated: Mapping, *, output="", unit="", record=""):
+    def __init__(
+        self,
+        t: ArrayLike,
+        measured: ArrayLike,
+        simulated: Mapping,
+        *,
+        output: str = "",
+        unit: str = "",
+        record: str = "",
+    ):
         self.t, self.measured, self.simulated = t, measured, dict(simulated)
         self.output, self.unit, self.record = output, unit, record
         self.fits_ = {
@@ -54,7 +65,16 @@ class SimulationDisplay:
         }
 
     @classmethod
-    def from_estimator(cls, estimator, X=None, y=None, *, output=None, record=0, ax=None):
+    def from_estimator(
+        cls,
+        estimator: Any,
+        X: Table = None,
+        y: Table = None,
+        *,
+        output: str | None = None,
+        record: int = 0,
+        ax: Any = None,
+    ) -> Self:
         """Plot the simulations of an estimator, a model, or several of them on a record.
 
         Parameters
@@ -98,7 +118,7 @@ class SimulationDisplay:
         )
         return display.plot(ax=ax)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Any = None) -> Self:
         """Draw the plot.
 
         Parameters

@@ -2,7 +2,9 @@
 
 import time
 import warnings
+from collections.abc import Mapping
 from numbers import Integral
+from typing import Any, Self
 
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
@@ -11,6 +13,7 @@ from sklearn.metrics import check_scoring
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import ArrayLike, RandomState, Table
 from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, inner_has
@@ -196,16 +199,16 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
 
     def __init__(
         self,
-        estimator,
-        search_spaces,
+        estimator: Any,
+        search_spaces: Mapping[str, Any],
         *,
-        n_iter=20,
-        cv=3,
-        scoring=None,
-        own_first=True,
-        n_jobs=None,
-        random_state=None,
-        verbose=0,
+        n_iter: int = 20,
+        cv: Any = 3,
+        scoring: Any = None,
+        own_first: bool = True,
+        n_jobs: int | None = None,
+        random_state: RandomState = None,
+        verbose: int = 0,
     ):
         self.estimator = estimator
         self.search_spaces = search_spaces
@@ -217,7 +220,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         self.random_state = random_state
         self.verbose = verbose
 
-    def fit(self, X, y, groups=None):
+    def fit(self, X: Table, y: Table, groups: ArrayLike | None = None) -> Self:
         """Search, and fit the best candidate to all records.
 
         Parameters
@@ -252,7 +255,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         refuse_unknown_names(self.estimator, self.search_spaces)
         self._check_scoring()
         folds = list(own_folds(self.cv, self.estimator, X).split(X, y, groups))
-        self.n_splits_ = len(folds)
+        self.n_splits_: int = len(folds)
         scores = np.full((self.n_iter, len(folds)), np.nan)
         candidates, seconds, waiting = [], [], {}
         optimizer = self._optimizer()
@@ -270,7 +273,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
             _tell(optimizer, waiting, _means(scores))
             self._show(i, params, scores, seconds[i])
         self._keep(candidates, scores[: len(candidates)], seconds)
-        self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
+        self.best_estimator_: Any = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
         self._check_fit(X, y, scores[self.best_index_].min())
         return self
 
@@ -411,7 +414,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         measured = {} if y is None else {"y": y}
         return self._ask("predict_interval", X, coverage, **measured)
 
-    def score(self, X, y):
+    def score(self, X: Table, y: Table) -> float:
         """Return the score of the best estimator.
 
         Parameters

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from sklearn.pipeline import Pipeline
 from sklearn.utils import get_tags
 from sklearn.utils.metaestimators import available_if
@@ -100,7 +101,7 @@ class OuterEstimatorMixin:
         return getattr(self, self._fitted).n_features_in_
 
     @property
-    def feature_names_in_(self):
+    def feature_names_in_(self) -> np.ndarray:
         """Names of the columns of X, if it has any."""
         return getattr(self, self._fitted).feature_names_in_
 

@@ -1,8 +1,11 @@
 """A single split of records into training, validation and test sets."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from sklearn.utils import check_consistent_length, check_random_state
 
+from sklearn_pgnn.annotations import Column, RandomState, Table
 from sklearn_pgnn.model_selection.trajectory_rows import (
     deal_in_order,
     read_pieces,
@@ -15,16 +18,16 @@ WAYS = ("trajectory", "time")
 
 
 def train_validation_test_split(
-    X,
-    y,
+    X: Table,
+    y: Table,
     *,
-    sizes=(0.6, 0.2, 0.2),
-    by="trajectory",
-    shuffle=False,
-    random_state=None,
-    time_column=None,
-    trajectory_column=None,
-):
+    sizes: Sequence[float] = (0.6, 0.2, 0.2),
+    by: str = "trajectory",
+    shuffle: bool = False,
+    random_state: RandomState = None,
+    time_column: Column | None = None,
+    trajectory_column: str | None = None,
+) -> list:
     """Split records into a training, a validation and a test set.
 
     Parameters

@@ -1,5 +1,6 @@
 """Cross-validation by whole trajectories."""
 
+from collections.abc import Iterator
 from numbers import Integral
 from typing import ClassVar
 
@@ -7,6 +8,7 @@ import numpy as np
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils import check_random_state
 
+from sklearn_pgnn.annotations import ArrayLike, Column, RandomState, Table
 from sklearn_pgnn.model_selection.trajectory_rows import (
     are_measured,
     deal_in_order,
@@ -61,12 +63,12 @@ class TrajectoryKFold(BaseCrossValidator):
 
     def __init__(
         self,
-        n_splits=5,
+        n_splits: int = 5,
         *,
-        shuffle=False,
-        random_state=None,
-        time_column=None,
-        trajectory_column=None,
+        shuffle: bool = False,
+        random_state: RandomState = None,
+        time_column: Column | None = None,
+        trajectory_column: str | None = None,
     ):
         self.n_splits = n_splits
         self.shuffle = shuffle
@@ -74,7 +76,9 @@ class TrajectoryKFold(BaseCrossValidator):
         self.time_column = time_column
         self.trajectory_column = trajectory_column
 
-    def split(self, X, y=None, groups=None):
+    def split(
+        self, X: Table, y: Table = None, groups: ArrayLike | None = None
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Generate the rows of every training and test set.
 
         Parameters
@@ -102,7 +106,7 @@ class TrajectoryKFold(BaseCrossValidator):
         """
         return super().split(X, y, groups)
 
-    def get_n_splits(self, X=None, y=None, groups=None):
+    def get_n_splits(self, X: object = None, y: object = None, groups: object = None) -> int:
         """Return the number of folds.
 
         Parameters

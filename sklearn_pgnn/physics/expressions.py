@@ -198,6 +198,15 @@ def _about_operator(operation: ast.operator) -> str:
     return f"operator {sign!r} is not allowed; use + - * / **"
 
 
+def _tower(expression: sympy.Expr) -> float:
+    """Return the largest product of the exponents of powers that contain each other."""
+    if expression.is_Atom:
+        return 1.0
+    if isinstance(expression, sympy.Pow) and expression.exp.is_number:
+        return max(1.0, abs(float(expression.exp)) * _tower(expression.base))
+    return max(map(_tower, expression.args))
+
+
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
@@ -300,6 +309,12 @@ class _Translator:
     def check_power(self, node, base, exponent):
         """Refuse a power before it is taken: SymPy raises whole numbers digit by digit."""
         self.check_exponent(node, exponent)
+        together = _tower(base) * abs(float(exponent)) if exponent.is_number else 0.0
+        if together > MAX_EXPONENT:
+            self.refuse(
+                node,
+                f"expected an exponent of at most {MAX_EXPONENT}, got {together:g}",
+            )
         number = base.as_coeff_Mul()[0]
         if number.is_Rational and exponent.is_number:
             bits = max(int(number.p).bit_length(), int(number.q).bit_length())

@@ -13,6 +13,7 @@ from typing import Any
 
 import sympy
 
+from sklearn_pgnn.annotations import ArrayLike, FilePath
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import (
     TIME,
@@ -27,12 +28,15 @@ from sklearn_pgnn.physics.model_parts import (
     as_parameters,
     as_simulation,
     as_state,
+    as_text,
     as_units,
     check_columns,
     check_delays,
+    check_inertia,
     check_keys,
     check_names,
     check_settled,
+    check_size,
     parameter_dict,
 )
 from sklearn_pgnn.physics.model_units import unit_of
@@ -120,6 +124,7 @@ class PhysicsModel:
         if not states:
             raise ModelError("expected at least one state, got none.", ("states",))
         check_names(states, inputs, parameters)
+        check_size(states, parameters)
         check_keys("equations", self.equations, states, complete=True)
         check_keys("inertia", self.inertia, states)
         check_keys("energy", self.energy, ENERGY_PARTS)
@@ -143,7 +148,7 @@ class PhysicsModel:
             )
 
         values = {
-            "name": str(self.name),
+            "name": as_text(str(self.name), ("name",)),
             "states": MappingProxyType(states),
             "inputs": MappingProxyType(inputs),
             "parameters": MappingProxyType(parameters),
@@ -159,6 +164,7 @@ class PhysicsModel:
             "columns": MappingProxyType(dict(self.columns or {})),
             "simulation": MappingProxyType(as_simulation(self.simulation or {})),
         }
+        check_inertia(values["inertia"])
         for key, value in values.items():
             object.__setattr__(self, key, value)
 
@@ -215,6 +221,21 @@ class PhysicsModel:
         """Names of the parameters that may be re-tuned."""
         return tuple(name for name, p in self.parameters.items() if not p.fixed)
 
+    @property
+    def unused_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters on which nothing depends.
+
+        Examples
+        --------
+        >>> PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0, "K": 1.0}).unused_parameters
+        ('K',)
+        """
+        parts = (self.equations, self.outputs, self.inertia, self.energy)
+        used = {
+            symbol.name for part in parts for each in part.values() for symbol in each.free_symbols
+        }
+        return tuple(name for name in self.parameters if name not in {*used, *self.delays.values()})
+
     def unit(self, name: str) -> str:
         """Return the unit of a state, an input, a parameter or an output.
 
@@ -269,7 +290,7 @@ class PhysicsModel:
 
     # -- new models from this one ----------------------------------------------------------------
 
-    def replace(self, **changes) -> "PhysicsModel":
+    def replace(self, **changes: Any) -> "PhysicsModel":
         """Return a copy of the model with some constructor parameters changed.
 
         Parameters
@@ -284,7 +305,7 @@ class PhysicsModel:
         """
         return replace(self, **changes)
 
-    def with_parameters(self, **values) -> "PhysicsModel":
+    def with_parameters(self, **values: Any) -> "PhysicsModel":
         """Return the model with other parameter values.
 
         Parameters
@@ -421,7 +442,7 @@ class PhysicsModel:
         return cls(**data)
 
     @classmethod
-    def from_yaml(cls, path) -> "PhysicsModel":
+    def from_yaml(cls, path: FilePath) -> "PhysicsModel":
         """Read a model file.
 
         Parameters
@@ -441,7 +462,7 @@ class PhysicsModel:
         """
         return reading("read_model")(path)
 
-    def to_yaml(self, path=None) -> str:
+    def to_yaml(self, path: FilePath | None = None) -> str:
         """Write the model as a model file.
 
         Parameters
@@ -458,7 +479,9 @@ class PhysicsModel:
 
     # -- readings --------------------------------------------------------------------------------
 
-    def simulate(self, t, u=None, x0=None, **options):
+    def simulate(
+        self, t: ArrayLike, u: ArrayLike | None = None, x0: ArrayLike | None = None, **options: Any
+    ) -> Any:
         """Simulate the model at given sample times.
 
         Parameters

@@ -9,6 +9,7 @@ import io
 import math
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
@@ -18,11 +19,12 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
-from sklearn_pgnn.exceptions import ModelError, UnitWarning
+from sklearn_pgnn.exceptions import ModelError, ModelWarning, UnitWarning
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.unit_check import check_units
+from sklearn_pgnn.physics.model_parts import is_text
+from sklearn_pgnn.physics.unit_check import check_units, unknown_units
 from sklearn_pgnn.user_line import warn_user
-from sklearn_pgnn.whole_file import write_whole
+from sklearn_pgnn.whole_file import is_stream, write_whole
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
@@ -55,8 +57,10 @@ def read_model(path) -> PhysicsModel:
 
     Warns
     -----
+    ModelWarning
+        If no equation uses a parameter.
     UnitWarning
-        If the units of an equation are inconsistent, with the term.
+        If the units of an equation are inconsistent, with the term, or a unit is unknown.
 
     Examples
     --------
@@ -132,17 +136,25 @@ class _Reader:
         except ModelError as error:
             place = self.places.get(error.where) or self.places.get(error.where[:1])
             self.refuse(place, str(error))
-        self.warn_of_units(model)
+        self.warn_of_unused(model.unused_parameters)
+        self.warn(UnitWarning, unknown_units(model), "correct it, or leave it out")
+        remedy = "correct the term, or the unit of what is in it"
+        self.warn(UnitWarning, check_units(model), remedy)
         return model
 
-    def warn_of_units(self, model: PhysicsModel) -> None:
-        """Warn of every term with inconsistent units, with the line of its equation."""
-        for said in check_units(model):
+    def warn_of_unused(self, names: tuple[str, ...]) -> None:
+        """Warn of parameters without an effect, of many at once."""
+        others = f", and {len(names) - 1} others neither" if len(names) > 1 else ""
+        said = [f"parameters.{name}: no equation uses it{others}." for name in names[:1]]
+        self.warn(ModelWarning, said, "write it into an equation, or leave it out")
+
+    def warn(self, kind: type[ModelWarning], sentences: Iterable[str], remedy: str) -> None:
+        """Warn of what is doubtful, with its line and the remedy."""
+        for said in sentences:
             where = tuple(said.split(":")[0].split("."))
             mark = self.places[where].start_mark
             place = f"{self.path}:{mark.line + 1}:{mark.column + 1}"
-            remedy = "Remedy: correct the term, or the unit of what is in it."
-            warn_user(f"{place}: {said} {remedy}", UnitWarning)
+            warn_user(f"{place}: {said} Remedy: {remedy}.", kind)
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)
@@ -158,7 +170,11 @@ class _Reader:
         return node
 
     def text(self) -> str:
+        if "\0" in self.path:
+            self.refuse(None, "expected the name of a model file, got one with a null character.")
         try:
+            if is_stream(self.path):
+                raise OSError(0, "a pipe or a device")
             with open(self.path, "rb") as file:
                 raw = file.read(MAX_BYTES + 1)
         except OSError as error:
@@ -214,6 +230,8 @@ class _Reader:
     def scalar(self, node: Node, expected: str) -> str:
         if not isinstance(self.plain(node, expected), ScalarNode):
             self.refuse(node, f"{expected}, got {_shown(node)}.")
+        if not is_text(node.value):
+            self.refuse(node, f"{expected}, got the half of a character.")
         return node.value
 
     def text_of(self, node: Node, what: str) -> str:

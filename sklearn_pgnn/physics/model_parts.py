@@ -17,6 +17,10 @@ ENERGY_PARTS = ("stored", "supplied", "dissipated")
 HOLDS = ("zoh", "foh")
 #: schemes of a step: Runge and Kutta's, and one for stiff models
 SCHEMES = ("rk4", "rosenbrock")
+#: longest text that is no equation [characters]
+MAX_TEXT = 1000
+#: most integration steps in a sample interval, and most derivatives of the states
+MAX_SUBSTEPS, MAX_DERIVATIVES = 10_000, 50_000
 
 
 def as_expression(item, names, where) -> sympy.Expr:
@@ -37,7 +41,26 @@ def as_mapping(part, items) -> dict:
 
 def as_units(part, items) -> dict[str, str]:
     """Return units by name, empty where there is no unit."""
-    return {name: str(unit or "") for name, unit in as_mapping(part, items).items()}
+    return {
+        name: as_text(str(unit or ""), (part, name))
+        for name, unit in as_mapping(part, items).items()
+    }
+
+
+def is_text(text: str) -> bool:
+    """Return whether a text can be written: half of a character cannot."""
+    return not any("\ud800" <= sign <= "\udfff" for sign in text)
+
+
+def as_text(text: str, where: tuple[str, ...]) -> str:
+    """Return a text that can be written."""
+    if not is_text(text):
+        raise ModelError(f"{'.'.join(where)}: expected text, got the half of a character.", where)
+    if len(text) > MAX_TEXT:
+        raise ModelError(
+            f"{'.'.join(where)}: expected at most {MAX_TEXT} characters, got {len(text)}.", where
+        )
+    return text
 
 
 def as_state(name, value) -> float:
@@ -63,9 +86,11 @@ def as_simulation(settings: Mapping) -> dict:
                 f"simulation.{name}: expected one of {', '.join(known)}, got {found[name]!r}.",
                 ("simulation", name),
             )
-    if not isinstance(substeps, Integral) or isinstance(substeps, bool) or substeps < 1:
+    whole = isinstance(substeps, Integral) and not isinstance(substeps, bool)
+    if not whole or not 1 <= substeps <= MAX_SUBSTEPS:
         raise ModelError(
-            f"simulation.substeps: expected an integer >= 1, got {substeps!r}.",
+            f"simulation.substeps: expected an integer >= 1 and <= {MAX_SUBSTEPS}, got "
+            f"{substeps!r}.",
             ("simulation", "substeps"),
         )
     return found | ({"substeps": int(substeps)} if "substeps" in found else {})
@@ -133,6 +158,28 @@ def check_names(states, inputs, parameters) -> None:
             seen[same_name(name)] = f"{'an' if what == 'input' else 'a'} {what}"
 
 
+def check_size(states, parameters) -> None:
+    """Raise `ModelError` unless the derivatives of the states fit into memory."""
+    count = len(states) * (len(states) + len(parameters))
+    if count > MAX_DERIVATIVES:
+        raise ModelError(
+            f"expected at most {MAX_DERIVATIVES} derivatives of states by states and parameters, "
+            f"got {count} ({len(states)} states, {len(parameters)} parameters). Remedy: write "
+            f"constants as numbers, or describe the machine with fewer states.",
+            ("states",),
+        )
+
+
+def check_inertia(inertia: Mapping[str, sympy.Expr]) -> None:
+    """Raise `ModelError` where an inertia is zero: a force would have no finite effect."""
+    for state, expression in inertia.items():
+        if expression.is_zero:
+            raise ModelError(
+                f"inertia.{state}: expected what a force is divided by, got zero.",
+                ("inertia", state),
+            )
+
+
 def check_settled(settled, states, inputs) -> None:
     """Raise `ModelError` unless `settled` maps states to inputs."""
     check_keys("settled", settled, states)
@@ -148,7 +195,7 @@ def check_columns(columns, states, inputs, outputs) -> None:
     own = ("t", "trajectory", *inputs, *states)
     check_keys("columns", columns, dict.fromkeys((*own, *outputs)))
     for name, column in dict(columns or {}).items():
-        if not isinstance(column, str) or not column:
+        if not isinstance(column, str) or not as_text(column, ("columns", name)):
             raise ModelError(
                 f"columns.{name}: expected a column's name, got {column!r}.", ("columns", name)
             )

@@ -10,11 +10,19 @@ from sklearn_pgnn.physics.expressions import RESERVED
 
 #: default spread within which a parameter counts as calibrated
 DEFAULT_SPREAD = 0.1
+#: longest name of a quantity [characters]
+MAX_NAME = 100
 
 
 def check_name(name: str, what: str) -> None:
     """Raise `ModelError` unless `name` is a valid name of a quantity in an equation."""
     where = (f"{what}s", name)
+    if isinstance(name, str) and len(name) > MAX_NAME:
+        raise ModelError(
+            f"{what} {name[:20]!r} ...: expected a name of at most {MAX_NAME} characters, got "
+            f"{len(name)}.",
+            where,
+        )
     if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name):
         raise ModelError(
             f"{what} {name!r} is not a name; use letters, digits and underscores.", where

@@ -59,6 +59,18 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
     return tuple(dict.fromkeys(check.said))
 
 
+def unknown_units(model: PhysicsModel) -> tuple[str, ...]:
+    """Return the units of a model that are unknown: one sentence each."""
+    units = {("states", name): unit for name, unit in model.states.items()}
+    units |= {("inputs", name): unit for name, unit in model.inputs.items()}
+    units |= {("parameters", name): p.unit for name, p in model.parameters.items()}
+    return tuple(
+        f"{part}.{name}: the unit {unit!r} is unknown, and is not checked."
+        for (part, name), unit in units.items()
+        if unit and read_unit(unit) is None
+    )
+
+
 def output_measure(model: PhysicsModel, output: str) -> "Quantity | None":
     """Return the measure of an output by its expression, if no number in it may be a conversion.
 

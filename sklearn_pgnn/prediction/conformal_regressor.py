@@ -1,9 +1,12 @@
 """Intervals of any regressor's free runs, from its errors on held-out trajectories."""
 
+from typing import Any, Self
+
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import ArrayLike, Table
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
 from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
@@ -83,12 +86,12 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
     0.9
     """
 
-    def __init__(self, estimator, *, cv=None, verbose=0):
+    def __init__(self, estimator: Any, *, cv: Any = None, verbose: int = 0):
         self.estimator = estimator
         self.cv = cv
         self.verbose = verbose
 
-    def fit(self, X, y, groups=None):
+    def fit(self, X: Table, y: Table, groups: ArrayLike | None = None) -> Self:
         """Fit the regressor to all trajectories, and once without each fold.
 
         Parameters
@@ -136,7 +139,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         counts = [int(are_measured(pieces, column).sum()) for column in held_out.T]
         return min((count for count in counts if count), default=0)
 
-    def score(self, X, y, sample_weight=None):
+    def score(self, X: Table, y: Table, sample_weight: ArrayLike | None = None) -> float:
         """Return the score of the regressor that was fitted to all trajectories.
 
         Parameters
@@ -156,7 +159,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         weights = {} if sample_weight is None else {"sample_weight": sample_weight}
         return self._ask("score", X, y, **weights)
 
-    def predict_interval(self, X, coverage=0.9):
+    def predict_interval(self, X: Table, coverage: float = 0.9) -> tuple[np.ndarray, np.ndarray]:
         """Return the interval in which the measured outputs are expected.
 
         Parameters

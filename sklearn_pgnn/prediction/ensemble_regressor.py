@@ -2,6 +2,7 @@
 
 import warnings
 from numbers import Integral
+from typing import Any, Self
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -9,6 +10,7 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import RandomState, Table
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
@@ -78,13 +80,20 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
 
     _fitted = "_first"
 
-    def __init__(self, estimator, n_estimators=5, *, random_state=0, n_jobs=None):
+    def __init__(
+        self,
+        estimator: Any,
+        n_estimators: int = 5,
+        *,
+        random_state: RandomState = 0,
+        n_jobs: int | None = None,
+    ):
         self.estimator = estimator
         self.n_estimators = n_estimators
         self.random_state = random_state
         self.n_jobs = n_jobs
 
-    def fit(self, X, y, **fit_params):
+    def fit(self, X: Table, y: Table, **fit_params: Any) -> Self:
         """Fit the regressor `n_estimators` times.
 
         Parameters
@@ -123,7 +132,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         draw = check_random_state(self.random_state)
         seeds = [{name: int(draw.randint(2**31 - 1)) for name in names} for _ in range(count)]
         calls = (delayed(_fit)(self.estimator, each, X, y, fit_params) for each in seeds)
-        self.estimators_ = Parallel(self.n_jobs)(calls)
+        self.estimators_: list = Parallel(self.n_jobs)(calls)
         self._warn_of_same_fits(X)
         return self
 
@@ -154,7 +163,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
     def _first(self):
         return self.estimators_[0]
 
-    def predict(self, X, return_std=False):
+    def predict(self, X: Table, return_std: bool = False) -> Any:
         """Return the median of the fits' predictions.
 
         Parameters

@@ -1,10 +1,16 @@
 """The simulation of a physical model, as further columns of a table of samples."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
+
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
+from sklearn_pgnn.annotations import ArrayLike, Column, Table
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.preprocessing.target_limits import limits_by_targets
 from sklearn_pgnn.simulation.finite_run import FreeRuns, quantities_of
@@ -18,6 +24,9 @@ from sklearn_pgnn.trajectories.outputs import refuse_other_order
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 from sklearn_pgnn.user_line import warn_user
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
 
 
 class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
@@ -89,16 +98,16 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     def __init__(
         self,
-        model=None,
+        model: PhysicsModel | None = None,
         *,
-        outputs=None,
-        append=True,
-        method=None,
-        substeps=None,
-        hold=None,
-        time_column=None,
+        outputs: Sequence[str] | None = None,
+        append: bool | str = True,
+        method: str | None = None,
+        substeps: int | None = None,
+        hold: str | None = None,
+        time_column: Column | None = None,
     ):
-        self.model = model
+        self.model: Any = model
         self.outputs = outputs
         self.append = append
         self.method = method
@@ -106,7 +115,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         self.hold = hold
         self.time_column = time_column
 
-    def fit(self, X, y=None):
+    def fit(self, X: Table, y: Table = None) -> Self:
         """Check that X can be read, and find the substeps it needs.
 
         Parameters
@@ -149,7 +158,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         self._limits = limits_by_targets(self.model, simulated, y)
         return self
 
-    def transform(self, X):
+    def transform(self, X: Table) -> Any:
         """Simulate every trajectory and append the simulated quantities.
 
         Parameters
@@ -174,7 +183,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         new = pd.DataFrame(simulated, X.index, [name + SIMULATED for name in self._quantities()])
         return pd.concat([self._kept_table(X, records), new], axis=1)
 
-    def get_feature_names_out(self, input_features=None):
+    def get_feature_names_out(self, input_features: ArrayLike | None = None) -> np.ndarray:
         """Return the names of the columns that `transform` returns.
 
         Parameters

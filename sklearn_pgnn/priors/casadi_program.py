@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -59,13 +60,13 @@ INSTRUCTIONS: dict[str, Callable] = {
 
 
 def from_casadi(
-    function,
+    function: Any,
     states: Mapping[str, str],
     *,
     inputs: Mapping[str, str] | None = None,
-    parameters=None,
+    parameters: Mapping[str, Any] | None = None,
     outputs: Mapping | None = None,
-    **more,
+    **more: Any,
 ) -> PhysicsModel:
     """Return a model whose rates a CasADi function computes.
 

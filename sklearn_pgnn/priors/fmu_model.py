@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -22,13 +23,13 @@ REAL = ("Real", "Float64")
 
 
 def from_fmu(
-    path,
+    path: FilePath,
     parameters: Sequence[str] | Mapping[str, Mapping] | None = None,
     *,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     names: Mapping[str, str] | None = None,
-    **more,
+    **more: Any,
 ) -> PhysicsModel:
     r"""Return a model whose rates and outputs a functional mock-up unit (FMU) computes.
 

@@ -1,6 +1,7 @@
 """A python-control system as a model."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +12,13 @@ from sklearn_pgnn.priors.python_function import from_function
 
 
 def from_control(
-    system,
+    system: Any,
     *,
     states: Mapping[str, str] | None = None,
     inputs: Mapping[str, str] | None = None,
     outputs: Sequence[str] | None = None,
-    parameters=None,
-    **more,
+    parameters: Mapping[str, Any] | None = None,
+    **more: Any,
 ) -> PhysicsModel:
     r"""Return a python-control system as a model.
 

@@ -31,10 +31,10 @@ def from_function(
     states: Mapping[str, str],
     *,
     inputs: Mapping[str, str] | None = None,
-    parameters=None,
+    parameters: Mapping[str, Any] | None = None,
     outputs: Callable | Mapping | None = None,
     trace: str | bool = "auto",
-    **more,
+    **more: Any,
 ) -> PhysicsModel:
     r"""Return a model whose equations a Python function computes.
 

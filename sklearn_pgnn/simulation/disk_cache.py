@@ -5,9 +5,7 @@ code that writes it and the libraries that this code calls. Machine code is run,
 only where the user alone can have written it: the user owns it, nobody else may write it, and it
 begins with a hash of its name and its content. Where anything is amiss it is as if there were none.
 
-The folder is that of the environment variable ``SKLEARN_PGNN_CACHE_DIR``, nothing being kept where
-that is empty; else a folder in numba's ``NUMBA_CACHE_DIR``, else the user's for such files. It
-holds at most `MOST` bytes: what has not been read for longest goes.
+The folder holds at most `MOST` bytes: what has not been read for longest goes.
 """
 
 import hashlib
@@ -22,8 +20,8 @@ from uuid import uuid4
 import llvmlite
 import numba
 import sympy
-from numba.misc.appdirs import AppDirs
 
+from sklearn_pgnn.simulation.cache_folder import folder
 from sklearn_pgnn.whole_file import PRIVATE, write_whole
 
 #: most bytes that are kept, and how many files are written until they are counted again
@@ -72,17 +70,6 @@ def _writers() -> tuple[str, ...]:
     except OSError:  # packed into one file: nothing is found again
         return (uuid4().hex,)
     return (code.hexdigest(), *_LIBRARIES)
-
-
-def folder() -> Path | None:
-    """Return the folder of what is kept; None where nothing is to be kept."""
-    said = os.environ.get("SKLEARN_PGNN_CACHE_DIR")
-    if said is not None:
-        return Path(said).absolute() if said else None
-    if numba.config.CACHE_DIR:
-        return Path(numba.config.CACHE_DIR).absolute() / "sklearn_pgnn"
-    found = Path(AppDirs("sklearn_pgnn", appauthor=False).user_cache_dir)
-    return found if found.is_absolute() else None  # a user without a home
 
 
 def load(key: str) -> bytes | None:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from joblib import Parallel, delayed
 
+from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
@@ -28,9 +29,9 @@ PARTS = 4
 
 def simulate_sets(
     model: PhysicsModel,
-    t,
-    u=None,
-    x0=None,
+    t: ArrayLike,
+    u: ArrayLike | None = None,
+    x0: ArrayLike | None = None,
     *,
     parameters: Mapping[str, np.ndarray],
     method: str | None = None,

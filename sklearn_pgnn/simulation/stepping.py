@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numba import boolean, int64, njit, types
 
+from sklearn_pgnn.simulation.cache_folder import numba_caches
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
 from sklearn_pgnn.simulation.lanes import LANES, add_multiple
 from sklearn_pgnn.simulation.model_function import OBSERVE, RATES, STEP
@@ -30,7 +31,7 @@ _F = types.float64
 _F1, _F2 = types.float64[::1], types.float64[:, ::1]
 _F3, _F4 = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
 _B1 = boolean[::1]
-OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
+OPTIONS = {"cache": numba_caches(), "error_model": "numpy", "nogil": True}
 #: for functions that allocate nothing, called by compiled ones only: counting references takes
 #: longer than a step, and wrappers for other callers take long to compile
 APART = {**OPTIONS, "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import pandas as pd
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.cell_table import HEAD, CellTable, quantities_in, wanted_names
@@ -39,7 +40,7 @@ _TOLD = re.compile(r"sep=(.)\s*")
 
 
 def read_csv(
-    path, model: PhysicsModel, sample_time: float | None = None
+    path: FilePath, model: PhysicsModel, sample_time: float | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     r"""Read a CSV file as the X and y of a model.
 

@@ -148,7 +148,7 @@ def _encoding(path: str, raw: bytes) -> str:
 
 
 def stem(path: str) -> str:
-    """Return a file's name without its endings.
+    """Return a file's name without its endings, with question marks for bytes that are no text.
 
     Examples
     --------
@@ -156,4 +156,5 @@ def stem(path: str) -> str:
     ('run_1', 'run.1', 'run')
     """
     name, ending = os.path.splitext(os.path.basename(os.path.normpath(path)))
-    return os.path.splitext(name)[0] if ending.lower() in PACKED else name
+    name = os.path.splitext(name)[0] if ending.lower() in PACKED else name
+    return name.encode(errors="replace").decode()

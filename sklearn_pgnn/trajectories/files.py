@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -34,7 +35,7 @@ _AS_STRUCT = (
 
 
 def read_file(
-    path, model: PhysicsModel, sample_time: float | None = None
+    path: FilePath, model: PhysicsModel, sample_time: float | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     r"""Read a file of measured samples as the X and y of a model, by its file extension.
 

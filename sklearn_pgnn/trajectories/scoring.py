@@ -4,6 +4,7 @@ import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
 
+from sklearn_pgnn.annotations import ArrayLike, Table
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
@@ -15,7 +16,7 @@ class GapScoreMixin(RegressorMixin):
     If y has names, they are checked as in ``fit``, against the parameter ``model``.
     """
 
-    def score(self, X, y, sample_weight=None):
+    def score(self, X: Table, y: Table, sample_weight: ArrayLike | None = None) -> float:
         """Return the coefficient of determination of `predict` over the measured samples.
 
         Parameters

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.exceptions import ModelError, ModelWarning, UnitWarning
 from sklearn_pgnn.physics import Parameter, PhysicsModel, systems
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.effects import CATALOGUE
@@ -349,3 +349,69 @@ def test_nothing_half_written_is_left(file, monkeypatch):
         systems.golf_robot().to_yaml(file)
     assert file.read_text() == "before"
     assert os.listdir(file.parent) == [file.name]
+
+
+# -- small files with large demands ----------------------------------------------------------------
+
+
+def changed(**parts):
+    """Return a model file with some parts changed."""
+    whole = {
+        "states": "{x: m, v: m/s}",
+        "inputs": "{F: N}",
+        "parameters": "{m: {value: 2.0, unit: kg}}",
+        "equations": '{x: v, v: "F/m"}',
+    }
+    return "".join(f"{part}: {text}\n" for part, text in {**whole, **parts}.items())
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        (
+            {"equations": '{x: v, v: "((x+v+1)**99+(x-v)**99)**99"}'},
+            ":4:19: equations.v: expected an exponent of at most 100, got 9801 (column 1).",
+        ),
+        (
+            {"simulation": "{substeps: 1000000000}"},
+            ":5:14: simulation.substeps: expected an integer >= 1 and <= 10000, got 1000000000.",
+        ),
+        ({"simulation": f"{{substeps: 1{'0' * 30}}}"}, "expected an integer >= 1 and <= 10000"),
+        ({"inertia": "{v: 0}"}, ":5:11: inertia.v: expected what a force is divided by, got zero."),
+        ({"inertia": "{v: m - m}"}, "inertia.v: expected what a force is divided by, got zero."),
+        ({"name": r'"\uD800"'}, ":5:7: name: expected text, got the half of a character."),
+        ({"columns": r'{F: "\uDFFF"}'}, "expected text, got the half of a character."),
+        ({"name": "n" * 1001}, "name: expected at most 1000 characters, got 1001."),
+        ({"inputs": f"{{{'F' * 101}: N}}"}, "expected a name of at most 100 characters, got 101."),
+        (
+            {"parameters": "{" + ", ".join(f"q{i}: 1" for i in range(25_000)) + "}"},
+            "expected at most 50000 derivatives of states by states and parameters, got 50004 "
+            "(2 states, 25000 parameters). Remedy: write constants as numbers",
+        ),
+    ],
+)
+def test_what_would_take_memory_or_time_or_break_later_is_refused(tmp_path, parts, said):
+    path = tmp_path / "model.yaml"
+    path.write_text(changed(**parts))
+    with pytest.raises(ModelError, match=re.escape(said)):
+        PhysicsModel.from_yaml(path)
+
+
+def test_doubts_about_a_model_are_told_with_their_line(tmp_path):
+    pytest.importorskip("pint")
+    path = tmp_path / "model.yaml"
+    path.write_text(
+        changed(
+            parameters="\n  m: {value: 2.0, unit: kg}\n  spare: 1.0\n  tau: {value: 1, unit: €€((}",
+            delays="{F: tau}",
+        )
+    )
+    with pytest.warns(ModelWarning) as told:
+        PhysicsModel.from_yaml(path)
+    assert [str(warning.message) for warning in told] == [
+        f"{path}:5:3: parameters.spare: no equation uses it. Remedy: write it into an equation, or "
+        f"leave it out.",
+        f"{path}:6:3: parameters.tau: the unit '€€((' is unknown, and is not checked. Remedy: "
+        f"correct it, or leave it out.",
+    ]
+    assert told[1].category is UnitWarning

@@ -135,12 +135,6 @@ def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
     assert compiled_anew(monkeypatch) == (first, 1)
 
 
-def test_the_folder_is_beside_what_numba_keeps(tmp_path, monkeypatch):
-    monkeypatch.delenv("SKLEARN_PGNN_CACHE_DIR", raising=False)
-    monkeypatch.setattr(disk_cache.numba.config, "CACHE_DIR", str(tmp_path))
-    assert disk_cache.folder() == tmp_path / "sklearn_pgnn"
-
-
 def test_other_processors_libraries_and_versions_have_other_files(monkeypatch):
     source, asked = write_source(PENDULUM), []
     monkeypatch.setattr(machine_code, "_MEMORIES", {})

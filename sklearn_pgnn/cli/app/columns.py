@@ -52,19 +52,40 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
     tables = [_open(file, model) for file in files]
     first, shared = tables[0], list(tables[0].header)
     for file, table in zip(files, tables, strict=True):
-        if not any(title in shared for title in table.header):
+        there = [title for title in shared if _place(title, table.header) is not None]
+        if not any(there):
             raise RecordError(
                 f"{file['label']}: expected columns as in {files[0]['label']}, "
                 f"{', '.join(filter(None, shared))}, got {', '.join(filter(None, table.header))}. "
                 f"Remedy: use the same column names in all files."
             )
-        shared = [title for title in shared if title in table.header]
+        shared = there
     needed = quantities(model)
     return {
         "columns": [title for title in dict.fromkeys(shared) if title],
         "quantities": needed,
         "guess": {name: _guess(first, name, unit, shared) for name, _, unit in needed},
     }
+
+
+def _place(title: str, header: Sequence[str]) -> int | None:
+    """Return where a column is in another file, which may state its unit or not."""
+    if title in header:
+        return header.index(title)
+    found = [k for k, other in enumerate(header) if other and _bare(other) == _bare(title)]
+    return found[0] if len(found) == 1 else None
+
+
+def _bare(title: str) -> str:
+    """Return the header of a column without its unit.
+
+    Examples
+    --------
+    >>> _bare("torque [N m]"), _bare("torque")
+    ('torque', 'torque')
+    """
+    unit = unit_of(title)
+    return title[: title.rindex(unit)].rstrip(" [(/").removesuffix(" in") if unit else title
 
 
 def _guess(table: FileTable, name: str, unit: str, shared: Sequence[str]) -> dict[str, str]:
@@ -108,7 +129,7 @@ def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping)
 
     def opened(path, model, sample_time):
         table = _open({"file": path, "label": labels[path]}, model, sample_time)
-        table.header = [_renamed(title, mapping) for title in table.header]
+        table.header = _renamed(table.header, mapping)
         table.units, table.path = {}, labels[path]
         return table
 
@@ -123,12 +144,19 @@ def _open(file: Mapping, model: PhysicsModel, sample_time: float | None = None) 
         raise RecordError(str(error).replace(file["file"], file["label"], 1)) from error
 
 
-def _renamed(title: str, mapping: Mapping) -> str:
-    """Return a column's name in the model, with its unit; other columns lose their names."""
+def _renamed(header: Sequence[str], mapping: Mapping) -> list[str]:
+    """Return the columns' names in the model, with their units; other columns lose their names.
+
+    A column with another header than the chosen one has the unit that its own header states.
+    """
+    named = [title if title == TRAJECTORY else "" for title in header]
     for name, said in mapping.items():
-        if name != SAMPLE_TIME and said["column"] == title:
-            return f"{name} [{said['unit']}]" if said["unit"] else name
-    return title if title == TRAJECTORY else ""
+        place = None if name == SAMPLE_TIME else _place(said["column"], header)
+        if place is not None and said["column"]:
+            title = header[place]
+            unit = said["unit"] if title == said["column"] else unit_of(title)
+            named[place] = f"{name} [{unit}]" if unit else name
+    return named
 
 
 def _check(model: PhysicsModel, mapping: Mapping, sample_time: float | None) -> None:

@@ -14,7 +14,7 @@ from sklearn_pgnn.cli.systems import SYSTEMS, make_system
 from sklearn_pgnn.cli.template import commented
 from sklearn_pgnn.datasets import make_cart
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import ModelError, UnitWarning
+from sklearn_pgnn.exceptions import ModelError, ModelWarning
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.numbers import number, typeset_unit
 from sklearn_pgnn.inspection.report import Provenance, SourceFile
@@ -34,13 +34,13 @@ FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
 def take_model(progress: Callable, label: str) -> dict:
     """Accept the new model file, if it is valid, and return its content."""
     with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", UnitWarning)
+        warnings.simplefilter("always", ModelWarning)
         try:
             model = PhysicsModel.from_yaml(NEW)
         except ModelError as error:
             raise ModelError(str(error).replace(str(NEW), label)) from error
     os.replace(NEW, MODEL)
-    said = [str(w.message) for w in told if issubclass(w.category, UnitWarning)]
+    said = [str(w.message) for w in told if issubclass(w.category, ModelWarning)]
     return _told_model(model, label, [text.replace(str(NEW), label) for text in said])
 
 

@@ -13,7 +13,7 @@ PIECES = ("model", "records", "columns", "seen", "work", "result")
 
 def page(visitor: Visitor) -> str:
     """Return the whole page of a visitor."""
-    return render("page.html.j2", token=visitor.token, sections=_marked(sections(visitor)))
+    return render("page.html.j2", sections=_marked(sections(visitor)))
 
 
 def _marked(pieces: dict[str, str]) -> dict[str, Markup]:

@@ -1,16 +1,16 @@
 """The page's server: its responses, and the address on which it listens."""
 
-import hmac
 import json
+import secrets
 import socket
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from sklearn_pgnn.cli.app.forms import clean_mapping, clean_options
@@ -19,7 +19,6 @@ from sklearn_pgnn.cli.app.limits import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECO
 from sklearn_pgnn.cli.app.page import page, sections
 from sklearn_pgnn.cli.app.render import of_report, source, style
 from sklearn_pgnn.cli.app.visitor import Visitor
-from sklearn_pgnn.cli.app.visitors import Full, Visitors
 from sklearn_pgnn.cli.app.work import Refused
 
 ADDRESS = "127.0.0.1"
@@ -28,29 +27,22 @@ SANDBOX = "sandbox allow-scripts; frame-ancestors 'none'"
 _HTML, _TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
 
 Change = Callable[[Visitor, Request], Awaitable[None]]
+Endpoint = Callable[[Request], Awaitable[Response]]
 
 
 class Server:
-    """Answers the requests of all visitors.
+    """Answers the requests of the page at the address with the secret."""
 
-    Parameters
-    ----------
-    hosts : iterable of str
-        Permitted names of the server, with its port.
-    cookie : str
-        Name of the visitors' cookie.
-    """
-
-    def __init__(self, hosts: Iterable[str], cookie: str):
-        self.visitors, self.cookie = Visitors(), cookie
-        self.app = Guard(Starlette(routes=self._routes(), lifespan=self._lifespan), hosts)
+    def __init__(self, hosts: Iterable[str], secret: str, folder: Path):
+        self.visitor = Visitor(folder)
+        self.app = Guard(Starlette(routes=self._routes(), lifespan=self._lifespan), hosts, secret)
 
     @asynccontextmanager
-    async def _lifespan(self, _app):
+    async def _lifespan(self, _app: Starlette) -> AsyncIterator[None]:
         try:
             yield
         finally:
-            await self.visitors.close()
+            await self.visitor.close()
 
     def _routes(self) -> list[Route]:
         changes: dict[tuple[str, str], Change] = {
@@ -65,7 +57,7 @@ class Server:
             ("/work", "DELETE"): _stop,
         }
         return [
-            Route("/", self._page),
+            Route("/", self._seen(_page)),
             Route("/style.css", _style),
             Route("/favicon.ico", _no_icon),
             Route("/app.js", _script),
@@ -76,38 +68,19 @@ class Server:
             *(Route(p, self._changing(do), methods=[m]) for (p, m), do in changes.items()),
         ]
 
-    async def _page(self, request: Request) -> Response:
-        key = request.cookies.get(self.cookie, "")
-        visitor = self.visitors.find(key)
-        if visitor is None:
-            try:
-                key, visitor = await self.visitors.welcome()
-            except Full:
-                text = "There are too many sessions at the moment. Try again later."
-                return PlainTextResponse(text, 503)
-        answer = Response(page(visitor), media_type=_HTML)
-        answer.set_cookie(self.cookie, key, httponly=True, samesite="strict", path="/")
-        return answer
-
-    def _seen(self, show: Callable[[Visitor, Request], Response]):
-        """Return an endpoint that shows something of a visitor."""
+    def _seen(self, show: Callable[[Visitor, Request], Response]) -> Endpoint:
+        """Return an endpoint that shows something of the session."""
 
         async def endpoint(request: Request) -> Response:
-            visitor = self.visitors.find(request.cookies.get(self.cookie, ""))
-            return _unknown() if visitor is None else show(visitor, request)
+            return show(self.visitor, request)
 
         return endpoint
 
-    def _changing(self, change: Change):
-        """Return an endpoint that changes something of a visitor, and shows the result."""
+    def _changing(self, change: Change) -> Endpoint:
+        """Return an endpoint that changes something of the session, and shows the result."""
 
         async def endpoint(request: Request) -> Response:
-            visitor = self.visitors.find(request.cookies.get(self.cookie, ""))
-            if visitor is None:
-                return _unknown()
-            told = request.headers.get("x-token", "")
-            if not hmac.compare_digest(told.encode(), visitor.token.encode()):
-                return PlainTextResponse("expected the token of the page.", 403)
+            visitor = self.visitor
             try:
                 await change(visitor, request)
             except TooLarge as error:
@@ -124,8 +97,12 @@ class Server:
 # -- what is shown ---------------------------------------------------------------------------------
 
 
+def _page(visitor: Visitor, _request: Request) -> Response:
+    return HTMLResponse(page(visitor))
+
+
 def _unknown() -> Response:
-    return JSONResponse({"message": "This session is over. Reload the page to start again."}, 404)
+    return JSONResponse({"message": "There is no such file. Reload the page."}, 404)
 
 
 def _state(visitor: Visitor) -> dict:
@@ -184,7 +161,7 @@ def _ascii(name: str) -> str:
 
 
 async def _start(visitor: Visitor, _request: Request) -> None:
-    """Start the visitor's process, so that it is ready when it is needed."""
+    """Start the process, so that it is ready when it is needed."""
     await visitor.worker.start()
 
 
@@ -289,23 +266,16 @@ def listen(port: int) -> socket.socket:
     return socket.create_server((ADDRESS, port))
 
 
-def make_server(listening: socket.socket) -> uvicorn.Server:
-    """Return the server for a socket.
+def new_secret() -> str:
+    """Return a secret that nobody guesses."""
+    return secrets.token_urlsafe(24)
 
-    Parameters
-    ----------
-    listening : socket.socket
-        Socket on which it listens.
 
-    Returns
-    -------
-    uvicorn.Server
-        To be run with this socket.
-    """
+def make_server(listening: socket.socket, secret: str, folder: Path) -> uvicorn.Server:
+    """Return the server for a socket, the secret in its address, and the folder of its files."""
     port = listening.getsockname()[1]
-    app = Server([f"{ADDRESS}:{port}", f"localhost:{port}"], f"sklearn_pgnn_{port}").app
     config = uvicorn.Config(
-        app,
+        Server([f"{ADDRESS}:{port}", f"localhost:{port}"], secret, folder).app,
         log_level="warning",
         access_log=False,
         server_header=False,

@@ -1,16 +1,13 @@
-"""A visitor of the page: a folder, a process, and the progress of the work."""
+"""The session of the page: its files, its process, and the progress of the work."""
 
 import asyncio
 import hashlib
-import secrets
-import shutil
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
 from sklearn_pgnn.cli.app.limits import ALL_BYTES, NAME, PATIENCE, RECORDS
-from sklearn_pgnn.cli.app.work import Ended, Refused, Worker
+from sklearn_pgnn.cli.app.work import NO_MEMORY, Ended, Refused, Worker
 from sklearn_pgnn.stages import BEST, in_words
 
 
@@ -91,8 +88,6 @@ class Visitor:
 
     Attributes
     ----------
-    token : str
-        Token that every change must state, so that no other page can request it.
     model, columns, result : dict or None
         Results of the process: of reading the model, of reading the records, and of the
         diagnosis.
@@ -108,11 +103,9 @@ class Visitor:
         The last error and its remedy; empty if there is none.
     """
 
-    def __init__(self) -> None:
-        self.token = secrets.token_urlsafe(32)
-        self.folder = Path(tempfile.mkdtemp(prefix="sklearn_pgnn_app_"))
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self.worker = Worker(self.folder)
-        self.seen = monotonic()
         self.model: dict | None = None
         self.records: list[RecordFile] = []
         self.columns: dict | None = None
@@ -235,7 +228,7 @@ class Visitor:
             await self.worker.end()
             raise Refused(f"This took longer than {PATIENCE:g} s and was ended.") from None
         except Ended:
-            raise Refused("The worker process ended, perhaps for lack of memory.") from None
+            raise Refused(NO_MEMORY) from None
 
     def begin(self, what: str, mapping: dict, options: dict) -> None:
         """Begin a look or a diagnosis, which runs in the background."""
@@ -257,7 +250,7 @@ class Visitor:
         except Refused as refused:
             message = str(refused)
         except Ended:
-            message = "The worker process ended, perhaps for lack of memory."
+            message = NO_MEMORY
         if self.running is not running:
             return
         self.running, self.message, self.result = None, message, found or None
@@ -271,10 +264,9 @@ class Visitor:
             await self.worker.end()
 
     async def close(self) -> None:
-        """End the process and remove the folder."""
+        """End the process."""
         self.running = None
         await self.worker.end()
-        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def _record(number: int, label: str, content: bytes) -> RecordFile:

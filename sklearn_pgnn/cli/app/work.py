@@ -1,4 +1,4 @@
-"""The process that works for a visitor: commanded by lines of JSON, ended to cancel."""
+"""The process that works for the page: commanded by lines of JSON, ended to cancel."""
 
 import asyncio
 import contextlib
@@ -9,9 +9,18 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from sklearn_pgnn.cli.app.limits import MEMORY
+
 MODULE = "sklearn_pgnn.cli.app.worker"
 #: longest line that the process may answer [byte]
 LINE = 4_000_000
+
+
+#: why the process may have ended by itself
+NO_MEMORY = (
+    f"The work was ended, perhaps since it needed more than {MEMORY / 1e9:g} GB of memory. "
+    f"Remedy: fewer or smaller files, or sklearn-pgnn diagnose."
+)
 
 
 class Refused(Exception):
@@ -34,23 +43,24 @@ class Worker:
     def __init__(self, folder: Path):
         self.folder = folder
         self._process: asyncio.subprocess.Process | None = None
-        self._turn = asyncio.Lock()
+        self._turn, self._beginning = asyncio.Lock(), asyncio.Lock()
 
     async def start(self) -> asyncio.subprocess.Process:
         """Return the process, started if there is none."""
-        if self._process is None or self._process.returncode is not None:
-            self._process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                MODULE,
-                cwd=self.folder,
-                env=_environment(),
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                limit=LINE,
-                start_new_session=True,
-            )
-        return self._process
+        async with self._beginning:
+            if self._process is None or self._process.returncode is not None:
+                self._process = await asyncio.create_subprocess_exec(
+                    sys.executable,
+                    "-m",
+                    MODULE,
+                    cwd=self.folder,
+                    env=_environment(),
+                    stdin=asyncio.subprocess.PIPE,
+                    stdout=asyncio.subprocess.PIPE,
+                    limit=LINE,
+                    start_new_session=True,
+                )
+            return self._process
 
     async def ask(self, command: Mapping, progress: Callable[[dict], object]) -> dict:
         """Send a command to the process and wait for its result.
@@ -93,7 +103,8 @@ class Worker:
 
     async def end(self) -> None:
         """End the process and all processes that it started."""
-        process, self._process = self._process, None
+        async with self._beginning:  # one that is about to start is ended, too
+            process, self._process = self._process, None
         if process is None or process.returncode is not None:
             return
         with contextlib.suppress(ProcessLookupError):

@@ -1,4 +1,4 @@
-"""The visitor's process: takes commands as lines of JSON, answers with steps and a result.
+"""The page's process: takes commands as lines of JSON, answers with steps and a result.
 
 Its input closes when the server ends; then it ends, whatever it is doing.
 """
@@ -11,9 +11,12 @@ import threading
 import traceback
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic
 
 from sklearn_pgnn.cli.app.jobs import JOBS
+from sklearn_pgnn.cli.app.limits import MEMORY
+from sklearn_pgnn.cli.app.work import NO_MEMORY
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.exceptions import UNUSABLE
 
@@ -64,6 +67,8 @@ def answer(command: dict, answers: Answers, jobs: dict[str, Callable] = JOBS) ->
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             done = jobs[name](answers.progress, **command)
+    except MemoryError:
+        answers.write({"refused": NO_MEMORY})
     except (*UNUSABLE, ModuleNotFoundError) as error:
         answers.write({"refused": one_line(error)})
     except Exception as error:
@@ -76,12 +81,23 @@ def answer(command: dict, answers: Answers, jobs: dict[str, Callable] = JOBS) ->
 
 def main() -> None:
     """Answer commands until the input closes."""
+    limit_memory()
     answers = Answers(os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8"))
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what others print is no answer
     commands: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_listen, args=(commands,), daemon=True).start()
     while True:
         answer(json.loads(commands.get()), answers)
+
+
+def limit_memory(most: int = MEMORY) -> None:
+    """Let this process, and those that it starts, have so much memory; no limit on Windows."""
+    with suppress(ModuleNotFoundError):
+        import resource
+
+        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
 def _listen(commands: queue.Queue) -> None:

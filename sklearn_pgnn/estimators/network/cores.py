@@ -1,3 +1,5 @@
+# what torch and skorch set is not typed
+# mypy: disable-error-code="has-type,assignment,operator,misc,union-attr,arg-type"
 """The cores of a network: layers in sequence, or a recurrent unit."""
 
 from itertools import pairwise
@@ -37,7 +39,14 @@ class FeedForward(nn.Module):
     torch.Size([7, 1])
     """
 
-    def __init__(self, n_inputs=1, n_outputs=1, neurons=8, layers=2, activation="tanh"):
+    def __init__(
+        self,
+        n_inputs: int = 1,
+        n_outputs: int = 1,
+        neurons: int = 8,
+        layers: int = 2,
+        activation: str = "tanh",
+    ):
         super().__init__()
         _check_at_least_one("neurons", neurons)
         _check_at_least_one("layers", layers)
@@ -53,7 +62,7 @@ class FeedForward(nn.Module):
             parts += [nn.Linear(n_in, n_out), _ACTIVATIONS[activation]()]
         self.layers = nn.Sequential(*parts[:-1])
 
-    def forward(self, z):
+    def forward(self, z: torch.Tensor) -> torch.Tensor:
         """Evaluate the network.
 
         Parameters
@@ -94,7 +103,7 @@ class Recurrent(nn.Module):
     (torch.Size([7, 1]), torch.Size([7, 5]))
     """
 
-    def __init__(self, n_inputs=1, n_outputs=1, neurons=8):
+    def __init__(self, n_inputs: int = 1, n_outputs: int = 1, neurons: int = 8):
         super().__init__()
         _check_at_least_one("neurons", neurons)
         self.sizes = (n_inputs, int(neurons), n_outputs)
@@ -116,7 +125,7 @@ class Recurrent(nn.Module):
         """
         return self.read.weight.new_zeros(n, self.sizes[1])
 
-    def forward(self, z, hidden):
+    def forward(self, z: torch.Tensor, hidden: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Advance by one sample.
 
         Parameters

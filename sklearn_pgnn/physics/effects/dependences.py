@@ -1,6 +1,10 @@
 """Parameters that depend on a state or an input."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import sympy
 
@@ -11,6 +15,10 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.shown_states import told_states
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 #: a parameter keeps at least this fraction of its value
 KEPT = 0.05
@@ -23,7 +31,7 @@ class ParameterDependence(Effect):
     """A parameter that is replaced by a function of itself and of a signal."""
 
     @classmethod
-    def can_act(cls, target, model):
+    def can_act(cls, target: str, model: PhysicsModel) -> bool:
         """Return whether the model has the parameter and the signal."""
         parameter, signal = parts(target)
         return parameter in model.parameters and signal in {*model.states, *model.inputs}
@@ -32,27 +40,27 @@ class ParameterDependence(Effect):
         """Return the parameter's value at a value of the signal."""
         raise NotImplementedError
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the parameter by its value as a function of the signal."""
         parameter, signal = map(symbol, parts(self.target))
         return substitute(model, parameter, self.value(parameter, signal, p))
 
-    def units(self, model):
+    def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return one over the signal's unit."""
         unit = model.unit(parts(self.target)[1])
         return {"per_signal": f"1/({unit})" if unit else ""}
 
     @classmethod
-    def typical(cls, target, model, scales):
+    def typical(cls, target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
         """Return one over the signal's largest magnitude."""
         return {"per_signal": 1.0 / max(scales.peak[parts(target)[1]], 1e-300)}
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a constant."""
         return (cls(target),)
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the parameter over the signal."""
         parameter, signal = map(symbol, parts(self.target))
         p = {key: symbol(name) for key, name in self.names().items()}
@@ -91,7 +99,7 @@ class ParameterSlope(ParameterDependence):
     check = "Hold the signal at two values, and identify the parameter at each."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return coefficients with measured signals that they do not multiply themselves."""
         return tuple(
             pair(name, signal)
@@ -102,16 +110,18 @@ class ParameterSlope(ParameterDependence):
         )
 
     @classmethod
-    def title(cls, target):
+    def title(cls, target: str) -> str:
         """Return parameter and signal in words."""
         return "{} that changes with {}".format(*parts(target))
 
-    def value(self, parameter, signal, p):
+    def value(
+        self, parameter: sympy.Expr, signal: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return p*(1 + a*s)."""
         return parameter * (1 + p["slope"] * signal)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the parameter's sign over the range of the signal."""
         low, high = scales.ends(parts(target)[1])
         most = GROWN / (max(abs(low), abs(high)) or 1.0)
@@ -158,7 +168,7 @@ class ParameterSaturation(ParameterDependence):
     )
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return coefficients of a function of a single measured signal, with that signal."""
         pairs = (
             (name, signal)
@@ -174,16 +184,18 @@ class ParameterSaturation(ParameterDependence):
         )
 
     @classmethod
-    def title(cls, target):
+    def title(cls, target: str) -> str:
         """Return parameter and signal in words."""
         return "{} that changes with the size of {}".format(*parts(target))
 
-    def value(self, parameter, signal, p):
+    def value(
+        self, parameter: sympy.Expr, signal: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return p/(1 + b*abs(s))."""
         return parameter / (1 + p["bend"] * sympy.Abs(signal))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Bound the growth of the parameter to a factor of two."""
         peak = scales.peak[parts(target)[1]] or 1.0
         return {"bend": (-0.5 / peak, GROWN / peak)}

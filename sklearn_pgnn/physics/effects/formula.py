@@ -1,7 +1,11 @@
 """A formula as an effect: terms identified from records."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import sympy
 
@@ -9,6 +13,10 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.physics.parameter import Parameter
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 
 def add_at(model, target: str, expression) -> dict:
@@ -68,12 +76,12 @@ class Formula(Effect):
     check = "Plot the missing quantity over those in the formula and find out what acts that way."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of all states, inputs and outputs."""
         return tuple(dict.fromkeys((*model.states, *model.inputs, *model.outputs)))
 
     @staticmethod
-    def next_number(model, target: str) -> int:
+    def next_number(model: PhysicsModel, target: str) -> int:
         """Return the next free number for the coefficients of a target in a model.
 
         Parameters
@@ -98,17 +106,17 @@ class Formula(Effect):
         names = [re.fullmatch(rf"c(\d+)_{re.escape(target)}", name) for name in model.parameters]
         return max((int(name[1]) for name in names if name), default=0) + 1
 
-    def names(self):
+    def names(self) -> dict[str, str]:
         """Return the names of the coefficients."""
         numbers = range(self.first, self.first + len(self.terms))
         return {f"c{number}": f"c{number}_{self.target}" for number in numbers}
 
-    def parameters(self, model):
+    def parameters(self, model: PhysicsModel) -> tuple[Parameter, ...]:
         """Return the coefficients."""
         pairs = zip(self.names().values(), self.coefficients, strict=True)
         return tuple(Parameter(name, value) for name, value in pairs)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the terms."""
         known = (*model.states, *model.inputs)
         terms = [parse_expression(term, known, f"term of {self.target!r}") for term in self.terms]
@@ -116,10 +124,10 @@ class Formula(Effect):
         return add_at(model, self.target, added)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Return no start: the terms are not known before the records are seen."""
         return ()
 
-    def proposals(self, model, scales):
+    def proposals(self, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Return the formula itself: its coefficients are where a fit starts."""
         return (self,)

@@ -1,8 +1,12 @@
 """Friction on a velocity: viscous, dry, by direction, with hysteresis; drag."""
 
+from __future__ import annotations
+
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import sympy
 
@@ -16,8 +20,14 @@ from sklearn_pgnn.physics.effects.rates import (
     may_be_speed,
     unit_of_force,
 )
+from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.effect import Effect
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 #: placeholder for the load until the model defines it
 LOAD = sympy.Symbol("_load", real=True)
@@ -50,12 +60,14 @@ class ViscousFriction(RateEffect):
     summary = "Friction that grows in proportion to the velocity (oil, bearings, back-EMF)."
     check = "Coast down from several speeds: the speed decays exponentially."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return d*v."""
         return p["coefficient"] * v
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without friction."""
         return (cls(target),)
 
@@ -65,7 +77,7 @@ class SpeedEffect(RateEffect):
     """A force that needs only a speed, whether or not the model declares it as one."""
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the velocities of the model, and of signals that may be speeds."""
         known = super().targets(model)
         return tuple(s for s in model.states if s in known or may_be_speed(model, s))
@@ -98,12 +110,14 @@ class CoulombFriction(SpeedEffect):
     summary = "Dry friction: a force of constant size against the direction of motion."
     check = "Raise the drive slowly from rest: nothing moves up to the friction level."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return Fc*sign(v)."""
         return p["level"] * sympy.sign(v)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start at two small levels."""
         force = force_scale(target, model, scales)
         return (cls(target, 0.02 * force), cls(target, 0.2 * force))
@@ -144,16 +158,16 @@ class LoadFriction(SpeedEffect):
     check = "Lift and lower different weights: the friction grows with the weight."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the velocities with a driving force."""
         return tuple(state for state in super().targets(model) if _drive(model, state) != 0)
 
     @classmethod
-    def can_act(cls, target, model):
+    def can_act(cls, target: str, model: PhysicsModel) -> bool:
         """Return whether the target may have dry friction."""
         return target in super().targets(model)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the load's symbol by the driving force, and subtract the friction."""
         changes = super().rewrite(model, p)
         load = {LOAD: _drive(model, self.target)}
@@ -162,23 +176,25 @@ class LoadFriction(SpeedEffect):
             for part, items in changes.items()
         }
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return (Fc + mu*abs(Fd))*sign(v)."""
         return (p["level"] + p["share"] * sympy.Abs(LOAD)) * sympy.sign(v)
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the load, by the direction of motion."""
         load = sympy.Abs(_drive(model, self.target)) * sympy.sign(symbol(self.target))
         return Characteristic("force", self.target, load, unit=unit_of_force(model, self.target))
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with a small and with a larger loss."""
         force = force_scale(target, model, scales)
         return (cls(target, 0.02 * force, 0.02), cls(target, 0.02 * force, 0.2))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the transmitted load above zero."""
         return {"share": (0.0, 0.95)}
 
@@ -187,7 +203,7 @@ def _drive(model, state: str) -> sympy.Expr:
     """Return the addends of a velocity's force with inputs, or else with first-order states."""
     inertia = model.inertia.get(state, sympy.Integer(1))
     known = {state, model.kinematic_pairs.get(state)}
-    addends = sympy.Add.make_args(sympy.expand(_unbounded(model.equations[state]) * inertia))
+    addends = sympy.Add.make_args(expanded(_unbounded(model.equations[state]) * inertia))
     others = [set(map(str, part.free_symbols)) - known for part in addends]
     free = [not part.has(symbol(state)) for part in addends]
     for driving in ({*model.inputs, *model.settled}, set(first_order_states(model))):
@@ -249,19 +265,21 @@ class StribeckFriction(SpeedEffect):
     )
     check = "Drive at constant low speeds: the force falls as the speed rises, or motion jerks."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the Stribeck curve."""
         fading = sympy.exp(-((v / p["velocity"]) ** 2))
         return (p["level"] + p["peak"] * fading) * sympy.sign(v)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from narrow to wide peaks."""
         force, v = force_scale(target, model, scales), scales.typical[target]
         return tuple(cls(target, 0.02 * force, 0.05 * force, share * v) for share in (0.1, 0.5))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the peak narrower than the speeds seen and wider than their finest part."""
         return {"velocity": (0.005 * scales.typical[target], 2.0 * scales.typical[target])}
 
@@ -297,7 +315,9 @@ class AsymmetricFriction(SpeedEffect):
     summary = "Friction that is different in the two directions of motion."
     check = "Run at the same speed forward and backward and compare the force."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the two half-lines as even and odd parts."""
         fp, fn = p["level_forward"], p["level_backward"]
         dp, dn = p["viscous_forward"], p["viscous_backward"]
@@ -305,12 +325,12 @@ class AsymmetricFriction(SpeedEffect):
         return dry + (dp + dn) / 2 * v + (dp - dn) / 2 * sympy.Abs(v)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start at a small symmetric level."""
         force = 0.02 * force_scale(target, model, scales)
         return (cls(target, force, force),)
 
-    def is_distinct(self, scales):
+    def is_distinct(self, scales: Scales) -> bool:
         """Return whether the motion goes in both directions."""
         low, high = scales.ends(self.target)
         return min(-low, high) > BOTH_WAYS * (high - low)
@@ -338,12 +358,14 @@ class QuadraticDrag(SpeedEffect):
     summary = "Drag of a fluid or a fan: it grows with the square of the speed."
     check = "Hold several high speeds and plot the force over the speed squared."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return c*v*abs(v)."""
         return p["coefficient"] * v * sympy.Abs(v)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without drag."""
         return (cls(target),)
 
@@ -390,7 +412,9 @@ class Hysteresis(PositionEffect):
     summary = "A force that lags the position and closes a loop: presliding, rubber, cables, gears."
     check = "Move slowly back and forth over small strokes: force over position encloses an area."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the largest force times the state of the hysteresis."""
         return p["level"] * self.bounded
 
@@ -404,7 +428,7 @@ class Hysteresis(PositionEffect):
         """The state, limited to its admissible range."""
         return bounded(symbol(self.state), 1)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Subtract the force and add the state."""
         changes = super().rewrite(model, p)
         v, zeta = symbol(self.target), self.bounded
@@ -415,7 +439,7 @@ class Hysteresis(PositionEffect):
         return changes
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a small to a large deflection, of a weak and of a strong force."""
         force = force_scale(target, model, scales)
         travel = scales.typical[model.kinematic_pairs[target]]
@@ -423,7 +447,7 @@ class Hysteresis(PositionEffect):
         return tuple(cls(target, level * force, share * travel) for level, share in sizes)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the deflection well below the travel and above the motion within one sample.
 
         A deflection of the size of the travel is a spring, with a new load in every window.

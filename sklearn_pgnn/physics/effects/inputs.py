@@ -1,13 +1,23 @@
 """Effects on an input: the machine receives something other than the command."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, same_name, symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -17,7 +27,7 @@ class InputEffect(Effect):
     phrase = "{effect} of {target}"
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the inputs of the model."""
         return tuple(model.inputs)
 
@@ -25,12 +35,12 @@ class InputEffect(Effect):
         """Return the input as it acts on the machine."""
         raise NotImplementedError
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the input in every equation."""
         u = symbol(self.target)
         return substitute(model, u, self.seen(u, p))
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the input as it acts on the machine over the commanded one."""
         return Characteristic("input", self.target)
 
@@ -71,12 +81,12 @@ class InputBias(InputEffect):
     summary = "The actuator output has a constant offset from its command."
     check = "Command zero and measure the actuator output."
 
-    def seen(self, u, p):
+    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return u + b."""
         return u + p["bias"]
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without a bias."""
         return (cls(target),)
 
@@ -105,12 +115,12 @@ class InputGain(InputEffect):
         "Command two values and compare the difference of the outputs with that of the commands."
     )
 
-    def seen(self, u, p):
+    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return (1 + g)*u."""
         return (1 + p["error"]) * u
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without an error."""
         return (cls(target),)
 
@@ -141,18 +151,18 @@ class InputDeadZone(InputEffect):
     )
     check = "Raise the command slowly from zero in both directions until something moves."
 
-    def seen(self, u, p):
+    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the dead zone of u."""
         w = p["threshold"]
         return maximum(u - w, 0) + minimum(u + w, 0)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from small to large fractions of the input."""
         return tuple(cls(target, share * scales.peak[target]) for share in (0.03, 0.15, 0.4))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Let some of the input through."""
         return {"threshold": (0.0, 0.95 * scales.peak[target])}
 
@@ -184,18 +194,18 @@ class AsymmetricDeadZone(InputEffect):
     summary = "Small commands have no effect, over a wider range on one side: a valve off centre."
     check = "Raise the command slowly from zero, once up and once down, until something moves."
 
-    def seen(self, u, p):
+    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the dead zone of u."""
         return maximum(u - p["above"], 0) + minimum(u + p["below"], 0)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start wider on one side, on the other, or on none."""
         peak = scales.peak[target]
         return tuple(cls(target, a * peak, b * peak) for a, b in ((0.3, 0.03), (0.03, 0.3)))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Let some of the input through."""
         widest = (0.0, 0.95 * scales.peak[target])
         return {"above": widest, "below": widest}
@@ -223,17 +233,17 @@ class InputSaturation(InputEffect):
     summary = "The actuator output is limited: current limit, supply pressure."
     check = "Command large steps of growing size: the response stops growing."
 
-    def seen(self, u, p):
+    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return u clipped at the limit."""
         return minimum(maximum(u, -p["limit"]), p["limit"])
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from light to heavy clipping."""
         return tuple(cls(target, share * scales.peak[target]) for share in (0.95, 0.75, 0.5))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Clip some and pass some of the input; for an input of one sign, pass its least value."""
         (low, high), peak = scales.ends(target), scales.peak[target]
         least = max(low, -high, 0.0)
@@ -249,14 +259,14 @@ class Delay(Effect):
     delay: float = quantity("tau", "s", low=0.0)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from one sample to a fifth of a window."""
         shortest, longest = scales.sample_time, 0.2 * scales.window
         delays = sorted({shortest, (shortest * longest) ** 0.5, longest})
         return tuple(cls(target, delay) for delay in delays)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Stay below half a window."""
         return {"delay": (0.0, 0.5 * scales.window)}
 
@@ -284,15 +294,15 @@ class InputDelay(Delay):
     check = "Step the command and measure the time until anything moves at all."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the inputs that have no delay yet."""
         return tuple(name for name in model.inputs if name not in model.delays)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the delay to the input."""
         return {"delays": {**model.delays, self.target: str(p["delay"])}}
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the input as it acts on the machine over the time."""
         return Characteristic("input", self.target, TIME)
 
@@ -306,12 +316,12 @@ class ActuatorEffect(Effect):
     ending = ""
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the inputs whose actuator has no such state yet."""
         return tuple(name for name in model.inputs if cls.state_of(name, model) is None)
 
     @classmethod
-    def state_of(cls, name, model) -> str | None:
+    def state_of(cls, name: str, model: PhysicsModel) -> str | None:
         """Return the actuator's own state that the effect has given an input, if any."""
         named = re.compile(re.escape(name + cls.ending) + r"(_\d+)?")
         followers = (state for state, followed in model.settled.items() if followed == name)
@@ -321,11 +331,11 @@ class ActuatorEffect(Effect):
         """Return the rate of the acting input, from the commanded one."""
         raise NotImplementedError
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the input as it acts on the machine over the time."""
         return Characteristic("input", self.target, TIME)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the actuator's state and use it in the equations."""
         u, acting = symbol(self.target), symbol(self._free_name(model))
         changes = substitute(model, u, acting)
@@ -370,18 +380,18 @@ class ActuatorLag(ActuatorEffect):
     )
     ending = "_lagged"
 
-    def rate(self, u, acting, p):
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the rate of the lag."""
         return (u - acting) / p["time_constant"]
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a few samples to a third of a window."""
         shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
         return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Stay between what one sample and what two windows can show."""
         return {"time_constant": (0.5 * scales.sample_time, 2.0 * scales.window)}
 
@@ -416,19 +426,19 @@ class InputRateLimit(ActuatorEffect):
     generalises = ("actuator_lag",)
     ending = "_slewed"
 
-    def rate(self, u, acting, p):
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the rate of the lag, bounded."""
         return bounded((u - acting) / p["time_constant"], p["limit"])
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a fast to a slow actuator that follows small changes at once."""
         quick = scales.sample_time
         slews = (max(share * scales.window, quick) for share in (0.05, 0.2, 1.0, 5.0))
         return tuple(cls(target, scales.peak[target] / slew, quick) for slew in slews)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Bound the command, at most a step between its extremes; follow it within samples."""
         peak, quickest = scales.peak[target], 0.5 * scales.sample_time
         return {
@@ -471,19 +481,19 @@ class InputBacklash(ActuatorEffect):
     generalises = ("actuator_lag",)
     ending = "_engaged"
 
-    def rate(self, u, acting, p):
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the rate in contact, zero within the play."""
         gap, side = u - acting, p["width"] / 2
         return (maximum(gap - side, 0) + minimum(gap + side, 0)) / p["time_constant"]
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a small to a wide play in stiff contact."""
         quick = scales.sample_time
         return tuple(cls(target, share * scales.peak[target], quick) for share in (0.06, 0.3, 0.8))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the play narrower than the command's travel, and the contact stiff."""
         step = scales.sample_time
         return {

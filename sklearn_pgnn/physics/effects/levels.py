@@ -1,6 +1,12 @@
 """Effects on any rate: bounds on the rate and on its state, and a linear loss."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import rate_unit
@@ -9,6 +15,10 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 
 def first_order_states(model):
@@ -28,25 +38,27 @@ class StateEffect(Effect):
     """A state whose rate is replaced by an expression of it."""
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the first-order states: neither velocities nor their positions."""
         return first_order_states(model)
 
-    def rate(self, state, rate, p):
+    def rate(
+        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the new rate from the state and its old rate."""
         raise NotImplementedError
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the target's rate."""
         old = model.equations[self.target]
         new = self.rate(symbol(self.target), old, p)
         return {"equations": {**model.equations, self.target: new}}
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the missing rate over the state."""
         return Characteristic("force", self.target, symbol(self.target))
 
-    def units(self, model):
+    def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return the units of the state and of its rate."""
         unit = model.unit(self.target)
         return {"target": unit, "rate": rate_unit(unit)}
@@ -77,25 +89,27 @@ class RateLimit(StateEffect):
     check = "Command steps of growing size: the slope of the response stops growing."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of all states."""
         return tuple(model.states)
 
-    def rate(self, state, rate, p):
+    def rate(
+        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the rate, bounded."""
         return bounded(rate, p["limit"])
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the rate over the rate without the limit."""
         return Characteristic("rate", self.target)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from light to heavy limiting."""
         return tuple(cls(target, share * scales.rate[target]) for share in (2.0, 1.0, 0.5))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the limit low enough to act."""
         return {"limit": (0.05 * scales.rate[target], 10.0 * scales.rate[target])}
 
@@ -127,21 +141,23 @@ class StateLimit(StateEffect):
     summary = "The state cannot go beyond a limit: a tank that spills, a slider at its stop."
     check = "Drive the state to its limit: it stays there although the command increases."
 
-    def rate(self, state, rate, p):
+    def rate(
+        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the rate that comes to rest at the limits."""
         top = (p["limit"] - state) * p["steepness"]
         bottom = -(p["limit"] + state) * p["steepness"]
         return maximum(minimum(rate, top), bottom)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a light to a heavy limit."""
         steepness = 0.3 / scales.sample_time
         peak = scales.peak[target]
         return tuple(cls(target, share * peak, steepness) for share in (0.95, 0.8, 0.6))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the limit low enough to act, and the stop no faster than the samples resolve."""
         steepness = (1.0 / scales.window, 1.0 / scales.sample_time)
         return {"limit": limits_of_a_level(target, scales), "steepness": steepness}
@@ -179,12 +195,14 @@ class Leak(StateEffect):
     summary = "The state loses what it holds, in proportion to it: a leak, a heat loss, a drain."
     check = "Fill, switch off all inputs and record: the state falls exponentially."
 
-    def rate(self, state, rate, p):
+    def rate(
+        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the rate less the loss."""
         return rate - p["coefficient"] * state
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without a loss."""
         return (cls(target),)
 
@@ -217,22 +235,24 @@ class LeakToLevel(StateEffect):
     check = "Switch off all inputs and record: the state tends to a level that is not zero."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the states without a linear loss: with one, a constant load acts as the level."""
         return tuple(s for s in super().targets(model) if not _has_loss(model, s))
 
-    def rate(self, state, rate, p):
+    def rate(
+        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the rate less the loss."""
         return rate - p["coefficient"] * (state - p["level"])
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start at a loss within about a window, to the lower or the upper end of the state."""
         low, high = scales.ends(target)
         return tuple(cls(target, 0.1 / scales.window, level) for level in (low, high))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the level within three ranges of the state."""
         low, high = scales.ends(target)
         return {"level": (2 * low - high, 2 * high - low)}
@@ -263,7 +283,7 @@ class LeakToInput(Effect):
     check = "Switch off all other inputs and record: the state tends to that input's value."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the first-order states, each with every input of the same unit, if it has one."""
         return tuple(
             pair(state, name)
@@ -273,26 +293,26 @@ class LeakToInput(Effect):
         )
 
     @classmethod
-    def title(cls, target):
+    def title(cls, target: str) -> str:
         """Return state and input in words."""
         return "leak of {} to {}".format(*parts(target))
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Subtract the loss from the state's rate."""
         state, name = parts(self.target)
         loss = p["coefficient"] * (symbol(state) - symbol(name))
         return {"equations": {**model.equations, state: model.equations[state] - loss}}
 
-    def units(self, model):
+    def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return none: the exchange is a rate."""
         return {}
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without a loss."""
         return (cls(target),)
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the missing rate over the difference of state and input."""
         state, name = parts(self.target)
         difference = symbol(state) - symbol(name)

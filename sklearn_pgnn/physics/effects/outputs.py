@@ -1,6 +1,10 @@
 """Effects on an output: the reading of the sensor differs from the true value."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy
@@ -10,6 +14,10 @@ from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
 from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.extremes import maximum, minimum
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 #: largest factor by which a curved scale is steeper, or flatter, than at zero
 STEEPEST = 10.0
@@ -22,7 +30,7 @@ class OutputEffect(Effect):
     phrase = "{effect} of {target}"
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the outputs of the model."""
         return tuple(model.outputs)
 
@@ -30,13 +38,13 @@ class OutputEffect(Effect):
         """Return the reading of the sensor for the true output."""
         raise NotImplementedError
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the output."""
         outputs = dict(model.outputs)
         outputs[self.target] = self.shown(outputs[self.target], p)
         return {"outputs": outputs}
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the error of the sensor over the true output."""
         return Characteristic("output", self.target)
 
@@ -63,12 +71,12 @@ class SensorBias(OutputEffect):
     summary = "The reading has a constant offset: the zero is set incorrectly."
     check = "Bring the machine to a known position and read the sensor."
 
-    def shown(self, y, p):
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return y + b."""
         return y + p["bias"]
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without a bias."""
         return (cls(target),)
 
@@ -95,12 +103,12 @@ class SensorGain(OutputEffect):
     summary = "The sensor's scale is off: counts per turn, amplifier gain, lever length."
     check = "Move between two known positions and compare the reading's difference."
 
-    def shown(self, y, p):
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return (1 + g)*y."""
         return (1 + p["error"]) * y
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without an error."""
         return (cls(target),)
 
@@ -133,27 +141,27 @@ class SensorCurvature(OutputEffect):
     )
     check = "Move through several known positions and plot the reading over them."
 
-    def shown(self, y, p):
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return y + c*y^2."""
         return y + p["curvature"] * y**2
 
-    def units(self, model):
+    def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return one over the output's unit."""
         unit = model.unit(self.target)
         return {"per_target": f"1/({unit})" if unit else ""}
 
     @classmethod
-    def typical(cls, target, model, scales):
+    def typical(cls, target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
         """Return one over the output's largest magnitude."""
         return {"per_target": 1.0 / max(scales.peak[target], 1e-300)}
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with a straight scale."""
         return (cls(target),)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the slope of the scale within its range at both ends of the readings."""
         slopes = np.array([1 / STEEPEST, STEEPEST])
         ends = [np.sort((slopes**2 - 1) / (4 * end)) for end in scales.ends(target) if end]
@@ -185,19 +193,19 @@ class SensorSaturation(OutputEffect):
     summary = "The signal exceeds the sensor's range: the reading is clipped."
     check = "Look for stretches in which the reading stays at one extreme value."
 
-    def shown(self, y, p):
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return y within the range."""
         return maximum(minimum(y, p["upper"]), p["lower"])
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with an upper end, a lower end, or both."""
         cuts = ((0.02, 0.0), (0.0, 0.02), (0.02, 0.02), (0.1, 0.0), (0.0, 0.1), (0.15, 0.15))
         places = (scales.ends(target, below, above) for above, below in cuts)
         return tuple(cls(target, upper, lower) for lower, upper in places)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the ends within the range of the readings."""
         (low, high), (lowest, highest) = scales.ends(target), scales.ends(target, 0.02, 0.02)
         return {"upper": (lowest, high), "lower": (low, highest)}
@@ -224,12 +232,12 @@ class SensorRectification(OutputEffect):
     summary = "The sensor shows the magnitude without the sign: a pulse counter, a rectifier."
     check = "Run the machine backward: the reading does not change its sign."
 
-    def shown(self, y, p):
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return abs(y)."""
         return sympy.Abs(y)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Return the effect itself: there is nothing to fit."""
         return (cls(target),)
 
@@ -262,15 +270,15 @@ class SensorDelay(Delay):
     )
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the output of a model with a single output, whose inputs have no delay."""
         late = model.delays or not model.inputs or len(model.outputs) > 1
         return () if late else tuple(model.outputs)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Delay every input."""
         return {"delays": {name: str(p["delay"]) for name in model.inputs}}
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the output over the time."""
         return Characteristic("output", self.target, TIME)

@@ -1,6 +1,12 @@
 """A vessel that overflows into the next one below."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy
 
 from sklearn_pgnn.physics.effect import quantity
 from sklearn_pgnn.physics.effects.levels import (
@@ -11,6 +17,11 @@ from sklearn_pgnn.physics.effects.levels import (
 )
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.effect import Effect
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -52,11 +63,11 @@ class Overflow(StateEffect):
     excludes = (StateLimit.id,)
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the levels that flow into exactly one other."""
         return tuple(state for state in super().targets(model) if len(_next(model, state)) == 1)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Subtract the overflow from the target, and add a share of it to the next level."""
         (below,) = _next(model, self.target)
         inflow = model.equations[self.target]
@@ -67,13 +78,13 @@ class Overflow(StateEffect):
         return {"equations": rates}
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a small to a large overflow, half of it caught."""
         steepness, peak = 0.3 / scales.sample_time, scales.peak[target]
         return tuple(cls(target, part * peak, steepness, 0.5) for part in (0.95, 0.8, 0.6))
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep some overflow; come to rest within a tenth of a window, as samples can resolve."""
         fastest = 1.0 / scales.sample_time
         return {

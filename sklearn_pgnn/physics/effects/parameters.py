@@ -1,12 +1,23 @@
 """Effects on a parameter: the structure is right, but a number is wrong."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expressions import TIME, symbol
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.parameter import Parameter
+    from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -36,19 +47,19 @@ class WrongParameter(Effect):
     check = "Measure the quantity on its own, or look up how its value was found."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the parameters that are not fixed."""
         return model.free_parameters
 
-    def names(self):
+    def names(self) -> dict[str, str]:
         """Return the parameter's own name."""
         return {"value": self.target}
 
-    def parameters(self, model):
+    def parameters(self, model: PhysicsModel) -> tuple[Parameter, ...]:
         """Return no new parameters: the parameter is the model's own."""
         return ()
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Free the parameter within its bounds."""
         parameter = model.parameters[self.target]
         if self.value is not None:
@@ -60,27 +71,27 @@ class WrongParameter(Effect):
             }
         }
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the missing rate over the contribution of the new value to it."""
         return Characteristic("parameter", self.target)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from the prior value."""
         return (cls(target),)
 
     @classmethod
-    def size_field(cls):
+    def size_field(cls) -> str:
         """Return the value."""
         return "value"
 
     @classmethod
-    def nothing(cls, target, model, scales):
+    def nothing(cls, target: str, model: PhysicsModel, scales: Scales) -> float:
         """Return the prior value."""
         return model.parameters[target].value
 
     @classmethod
-    def of_size(cls, target, model, scales):
+    def of_size(cls, target: str, model: PhysicsModel, scales: Scales) -> Callable[[float], Effect]:
         """Return the value as a function of the size: at size 1 twice the prior's, 1 where it is 0.
 
         It stays within the parameter's bounds.
@@ -115,26 +126,26 @@ class ParameterDrift(Effect):
     check = "Identify it from the first and from the last part of a long record."
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the parameters that are not fixed."""
         return model.free_parameters
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the parameter by its changing value."""
         parameter = symbol(self.target)
         return substitute(model, parameter, parameter * (1 + p["rate"] * TIME))
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the parameter over the time."""
         law = symbol(self.target) * (1 + symbol(self.names()["rate"]) * TIME)
         return Characteristic("parameter", self.target, TIME, law=law)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without a change."""
         return (cls(target),)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the parameter's sign to the end of the records."""
         return {"rate": (-0.95 / scales.latest, 20.0 / scales.latest)}

@@ -1,6 +1,10 @@
 """Effects on the rate of a velocity: their common base, and external forces."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import sympy
 
@@ -9,6 +13,10 @@ from sklearn_pgnn.physics.derived_units import force_unit, rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.typical import typical_inertia
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 #: units that make a state a velocity even where no other state is its integral
 SPEED_UNITS = frozenset(
@@ -61,7 +69,7 @@ class RateEffect(Effect):
     """A force (or, without an inertia, a deceleration) that resists a velocity's rate."""
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the velocities of the model."""
         return tuple(state for state in model.states if is_velocity(model, state))
 
@@ -69,11 +77,11 @@ class RateEffect(Effect):
         """Return the resisting force as an expression of velocity and position."""
         raise NotImplementedError
 
-    def potential(self, position, p):
+    def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the energy the force stores, zero for a dissipative one."""
         return sympy.Integer(0)
 
-    def rewrite(self, model, p):
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Subtract the force, divided by the inertia, from the target's rate."""
         v = symbol(self.target)
         pair = model.kinematic_pairs.get(self.target)
@@ -94,11 +102,11 @@ class RateEffect(Effect):
                 energy["dissipated"] = energy.get("dissipated", 0) + power
         return energy
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the velocity."""
         return Characteristic("force", self.target, symbol(self.target))
 
-    def units(self, model):
+    def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return the units of force, velocity and position at the target."""
         velocity = model.unit(self.target)
         pair = model.kinematic_pairs.get(self.target)
@@ -145,11 +153,11 @@ class PositionEffect(RateEffect):
     """A force that depends on the position, so the velocity must have one."""
 
     @classmethod
-    def targets(cls, model):
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the velocities of kinematic pairs."""
         return tuple(state for state in model.states if state in model.kinematic_pairs)
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the position."""
         return Characteristic("force", self.target, symbol(model.kinematic_pairs[self.target]))
 
@@ -181,12 +189,14 @@ class ConstantLoad(RateEffect):
     summary = "A force of constant size and direction: weight, a tilted axis, a tensioned cable."
     check = "Release the unpowered machine: it drifts to one side, or needs force to stay."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return F0."""
         return p["load"]
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without a load."""
         return (cls(target),)
 
@@ -217,23 +227,25 @@ class PeriodicDisturbance(RateEffect):
     summary = "A force that repeats in time whatever the machine does: a fan, a pump, the mains."
     check = "Hold the machine still and look for a line in the spectrum of the force or position."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the wave."""
         angle = 2 * sympy.pi * p["frequency"] * TIME
         return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
 
-    def characteristic(self, model):
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the time within a period."""
         return Characteristic("force", self.target, TIME, 1 / symbol(self.names()["frequency"]))
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with small amplitudes at prominent frequencies, or at one period per window."""
         force = FAINT * force_scale(target, model, scales)
         lines = scales.tones.get(target) or (1.0 / scales.window,)
         return tuple(cls(target, force, force, line) for line in lines)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep a period within the longest record, and stay below half the sampling rate."""
         return {"frequency": (1.0 / scales.duration, 0.5 / scales.sample_time)}

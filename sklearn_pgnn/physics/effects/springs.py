@@ -1,13 +1,21 @@
 """Forces that depend on the position: springs, ripple, end stops."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import sympy
 
 from sklearn_pgnn.physics.effect import quantity
 from sklearn_pgnn.physics.effects.rates import FAINT, PositionEffect, force_scale
 from sklearn_pgnn.physics.extremes import maximum, minimum
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.effect import Effect
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
 
 #: largest number of periods of a ripple within the travel
 MOST_CYCLES = 40.0
@@ -21,16 +29,18 @@ class PowerOfPosition(PositionEffect):
 
     power: ClassVar[int]
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return k*x^n."""
         return p["stiffness"] * position**self.power
 
-    def potential(self, position, p):
+    def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return k*x^(n+1)/(n+1)."""
         return p["stiffness"] * position ** (self.power + 1) / (self.power + 1)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without it."""
         return (cls(target),)
 
@@ -133,20 +143,22 @@ class Cogging(PositionEffect):
     summary = "A ripple that repeats with the position: cogging of a motor, an eccentric gear."
     check = "Move slowly over the whole range: the force repeats at the same positions."
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the first harmonic."""
         angle = 2 * sympy.pi * position / p["period"]
         return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with small amplitudes at prominent periods of the missing rate, or half travel."""
         force = FAINT * force_scale(target, model, scales)
         periods = scales.ripples.get(target) or (scales.peak[model.kinematic_pairs[target]],)
         return tuple(cls(target, force, force, period) for period in periods)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep at least one and a half periods within the travel."""
         travel = 2 * scales.peak[model.kinematic_pairs[target]]
         return {"period": (travel / (2 * MOST_CYCLES), travel / 1.5)}
@@ -181,19 +193,21 @@ class EndStop(PositionEffect):
     check = "Move slowly to both ends: the force rises steeply where the motion ends."
     generalises = ("linear_stiffness", "constant_load")
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the stops' force."""
         beyond = maximum(position - p["upper"], 0) + minimum(position - p["lower"], 0)
         return p["stiffness"] * beyond
 
-    def potential(self, position, p):
+    def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the energy that the stops store."""
         above = maximum(position - p["upper"], 0)
         below = minimum(position - p["lower"], 0)
         return p["stiffness"] * (above**2 + below**2) / 2
 
     @classmethod
-    def starts(cls, target, model, scales):
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with stops at both ends or at one."""
         position = model.kinematic_pairs[target]
         stiffness = 5.0 * force_scale(target, model, scales) / scales.peak[position]
@@ -202,7 +216,7 @@ class EndStop(PositionEffect):
         return tuple(cls(target, upper, lower, stiffness) for lower, upper in places)
 
     @classmethod
-    def limits(cls, target, model, scales):
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep each stop near its end of the travel: what acts further inside is a spring."""
         position = model.kinematic_pairs[target]
         low, high = scales.ends(position)

@@ -1,45 +1,61 @@
-"""The page's server in a thread, and a visitor that speaks HTTP."""
+"""The page's server in a thread, and a browser that speaks HTTP."""
 
 import json
-import re
 import time
 from contextlib import contextmanager
 from http.client import HTTPConnection
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Thread
+from typing import NamedTuple
 from urllib.parse import quote
 
-from sklearn_pgnn.cli.app.server import listen, make_server
+from sklearn_pgnn.cli.app.server import listen, make_server, new_secret
 
 
 @contextmanager
 def served():
-    """Serve the page on a free port; yield the port."""
-    listening = listen(0)
-    server = make_server(listening)
-    thread = Thread(target=server.run, kwargs={"sockets": [listening]})
-    thread.start()
-    try:
-        yield listening.getsockname()[1]
-    finally:
-        server.should_exit = True
-        thread.join()
+    """Serve the page on a free port; yield its address."""
+    listening, secret = listen(0), new_secret()
+    with TemporaryDirectory() as folder:
+        server = make_server(listening, secret, Path(folder))
+        thread = Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread.start()
+        try:
+            yield Address(listening.getsockname()[1], secret, Path(folder))
+        finally:
+            server.should_exit = True
+            thread.join()
+
+
+class Address(NamedTuple):
+    """Where the page is: its port and its secret; and the folder of its files."""
+
+    port: int
+    secret: str
+    folder: Path
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.port}/{self.secret}/"
 
 
 class Client:
-    """A browser with a cookie and the token of its page."""
+    """A browser at the page's address."""
 
-    def __init__(self, port):
-        self.port, self.host = port, f"127.0.0.1:{port}"
-        self.cookie = self.token = ""
-        page = self.get("/")
-        self.cookie = page.headers["set-cookie"].split(";")[0]
-        self.token = re.search(r'name="token" content="([^"]+)"', page.text)[1]
+    def __init__(self, address):
+        self.port, self.host = address.port, f"127.0.0.1:{address.port}"
+        self.secret = address.secret
 
     def send(self, method, path, body=None, **headers):
         """Return the answer to a request; a header that is None is left out."""
-        known = {"Host": self.host, "Cookie": self.cookie}
+        return self.send_to(method, f"/{self.secret}{path}", body, **headers)
+
+    def send_to(self, method, path, body=None, **headers):
+        """Return the answer to a request of a path that need not begin with the secret."""
+        known = {"Host": self.host}
         if method != "GET":
-            known |= {"Origin": f"http://{self.host}", "X-Token": self.token}
+            known |= {"Origin": f"http://{self.host}"}
         known |= {name.replace("_", "-"): value for name, value in headers.items()}
         connection = HTTPConnection("127.0.0.1", self.port, timeout=120)
         kept = {name: value for name, value in known.items() if value is not None}

@@ -1,5 +1,9 @@
 """The page in a browser, as a person uses it: with a mouse, with keys, on a phone, at night."""
 
+from http.server import BaseHTTPRequestHandler
+from socketserver import TCPServer
+from threading import Thread
+
 import numpy as np
 import pytest
 
@@ -8,10 +12,10 @@ pytest.importorskip("starlette")
 from served import served
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def url():
-    with served() as port:
-        yield f"http://127.0.0.1:{port}/"
+    with served() as address:
+        yield address.url
 
 
 @pytest.fixture
@@ -126,7 +130,6 @@ def test_a_file_that_cannot_be_used_is_an_alert(visit, tmp_path):
         page.set_input_files("#model-file", path)
     page.wait_for_selector("#message:not([hidden])")
     assert "model.yaml:" in page.inner_text("[role=alert]")
-    page.context.clear_cookies()
 
 
 @pytest.mark.slow
@@ -170,3 +173,91 @@ def test_everything_that_is_filled_in_has_a_name(visit):
     assert nameless == []
     ids = page.evaluate('[...document.querySelectorAll("[id]")].map((e) => e.id)')
     assert len(ids) == len(set(ids))
+
+
+@pytest.mark.slow
+def test_a_link_from_another_site_another_tab_and_a_reload_keep_the_session(visit, url):
+    page = visit()
+    page.click("text=Show me")
+    page.wait_for_selector("#seen figure svg")
+    for address in ("data:text/html,elsewhere", "about:blank"):
+        page.goto(address)
+        page.goto(url)
+        assert "cart_1.csv" in page.inner_text("#records")
+    page.reload()
+    assert "cart_1.csv" in page.inner_text("#records")
+    tab = page.context.new_page()
+    tab.goto(url)
+    assert "cart_1.csv" in tab.inner_text("#records")
+
+
+@pytest.mark.slow
+def test_a_page_of_another_server_on_this_computer_gets_nothing(browser, url):
+    context, got = browser.new_context(), []
+    page = context.new_page()
+    page.goto(url)
+    with TCPServer(("127.0.0.1", 0), recording(got)) as other:
+        thread = Thread(target=other.serve_forever)
+        thread.start()
+        place = f"http://127.0.0.1:{other.server_address[1]}"
+        page.evaluate("place => { location.href = place }", place)
+        page.wait_for_url(f"{place}/")
+        origin = url.rsplit("/", 2)[0]
+        told = page.evaluate(
+            """async origin => {
+                const ask = (path, how) =>
+                    fetch(origin + path, how).then(a => a.type, () => "none");
+                const own = { credentials: "include", mode: "no-cors" };
+                return [await ask("/sections", own), await ask("/records/1", { method: "DELETE" })];
+            }""",
+            origin,
+        )
+        other.shutdown()
+        thread.join()
+    assert "none" in told
+    secret = url.split("/")[3]
+    assert got
+    assert not any(secret in str(each) or "Cookie" in each or "Referer" in each for each in got)
+    page.goto(url)
+    assert context.cookies() == []
+    context.close()
+
+
+def recording(got):
+    class Page(BaseHTTPRequestHandler):
+        def do_GET(self):
+            got.append(dict(self.headers))
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(b"<!DOCTYPE html><link rel=icon href=data:,><p>elsewhere</p>")
+
+        def log_message(self, *_):
+            pass
+
+    return Page
+
+
+@pytest.mark.slow
+def test_a_file_that_is_dropped_is_told_at_once_and_kept_until_a_model_comes(visit, tmp_path):
+    page, waiting = visit(), []
+    page.wait_for_selector("body:not(.busy)")
+    page.route("**/records?*", lambda route: waiting.append(route))
+    run = tmp_path / "run.csv"
+    run.write_text("t,F,v\n" + "".join(f"{k / 10},1,{k % 7}\n" for k in range(100)))
+    page.set_input_files("#model-file", run)
+    page.wait_for_selector("text=Reading run.csv …")
+    assert page.locator("#doing").is_visible()
+    while not waiting:
+        page.wait_for_timeout(10)
+    waiting[0].continue_()
+    page.wait_for_selector("#records .name")
+    page.wait_for_selector("#doing", state="hidden")
+    model = tmp_path / "model.yaml"
+    model.write_text(
+        "states: {v: m/s}\nequations: {v: (F - d*v)/m}\ninputs: {F: N}\n"
+        "parameters: {m: 2.0, d: 0.5}\n"
+    )
+    page.set_input_files("#record-files", model)
+    page.wait_for_selector("#column-1")
+    assert page.input_value("#column-3") == "v"

@@ -2,6 +2,8 @@
 
 import os
 import time
+from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from served import Client, served
 
 from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.app import server, visitors
+from sklearn_pgnn.cli.app import server
 
 MODEL = """\
 name: sledge
@@ -32,22 +34,23 @@ SLEDGE = PhysicsModel(
 )
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def port():
-    with served() as port:
-        yield port
+    with served() as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
-def done(port):
-    """A visitor who had the example diagnosed."""
-    client = Client(port)
-    assert client.post("/example").status == 200
-    assert client.ask("/look", mapping=EXAMPLE).status == 200
-    assert client.wait()["message"] == ""
-    assert client.ask("/diagnosis", mapping=EXAMPLE, options={}).status == 200
-    client.wait()
-    return client
+def done():
+    """A session in which the example was diagnosed."""
+    with served() as address:
+        client = Client(address)
+        assert client.post("/example").status == 200
+        assert client.ask("/look", mapping=EXAMPLE).status == 200
+        assert client.wait()["message"] == ""
+        assert client.ask("/diagnosis", mapping=EXAMPLE, options={}).status == 200
+        client.wait()
+        yield client
 
 
 EXAMPLE = {
@@ -77,7 +80,7 @@ def test_another_host_is_refused(port, host):
 
 
 def test_localhost_is_the_same_host(port):
-    assert Client(port).get("/", Host=f"localhost:{port}").status == 200
+    assert Client(port).get("/", Host=f"localhost:{port.port}").status == 200
 
 
 @pytest.mark.parametrize(
@@ -89,8 +92,6 @@ def test_localhost_is_the_same_host(port):
         {"Origin": "http://127.0.0.1:1"},
         {"Sec_Fetch_Site": "cross-site"},
         {"Sec_Fetch_Site": "same-site"},
-        {"X_Token": None},
-        {"X_Token": "guessed"},
     ],
 )
 def test_a_change_that_another_page_asks_for_is_refused(port, headers):
@@ -99,12 +100,45 @@ def test_a_change_that_another_page_asks_for_is_refused(port, headers):
     assert "Drop a model file" in client.get("/sections").sections["model"]
 
 
+ROUTES = [
+    *(("GET", path) for path in ("/", "/style.css", "/app.js", "/zoom.js", "/favicon.ico")),
+    *(("GET", path) for path in ("/sections", "/model.yaml", "/result/report.html", "/none")),
+    *(("POST", path) for path in ("/start", "/model", "/system", "/example", "/records", "/look")),
+    *(("POST", "/diagnosis"), ("DELETE", "/work"), ("DELETE", "/records/1")),
+]
+
+
 @pytest.mark.slow
-def test_who_has_no_cookie_is_nobody(port, done):
-    for path in ("/sections", "/model.yaml", "/result/report.html"):
-        assert done.get(path).status == 200
-        assert done.get(path, Cookie=None).status == 404
-    assert done.post("/example", Cookie=None).status == 404
+@pytest.mark.parametrize("secret", ["", "/guessed", "//", "/./"])
+def test_without_the_secret_every_route_says_where_the_address_is(done, secret):
+    told = [done.send_to(method, secret + path) for method, path in ROUTES]
+    assert {answer.status for answer in told} == {403}
+    assert all("printed in the terminal" in answer.text for answer in told)
+    assert not any(done.secret in answer.text + str(answer.headers) for answer in told)
+    assert done.get("/result/report.html").status == 200
+
+
+def test_the_secret_is_whole_and_as_it_was_written(port):
+    client = Client(port)
+    changed = [client.secret[:-1], client.secret + "A", client.secret.swapcase(), "é", "%00"]
+    assert {client.send_to("GET", f"/{quote(each)}/").status for each in changed} == {403}
+    assert client.send_to("GET", f"/{client.secret}").status == 403  # not the page's address
+    assert client.get("/").status == 200
+
+
+def test_two_starts_have_different_secrets():
+    secrets = {server.new_secret() for _ in range(100)}
+    assert len(secrets) == 100
+    assert min(map(len, secrets)) >= 32
+
+
+@pytest.mark.slow
+def test_nothing_of_the_page_tells_its_address_to_others(done):
+    for path in ("/", "/result/report.html", "/style.css", "/sections"):
+        answer = done.get(path)
+        assert answer.headers["referrer-policy"] == "no-referrer"
+        assert "set-cookie" not in answer.headers
+        assert done.secret not in answer.text
 
 
 def test_the_page_may_load_nothing_from_elsewhere_and_no_inline_script(port):
@@ -116,31 +150,6 @@ def test_the_page_may_load_nothing_from_elsewhere_and_no_inline_script(port):
     assert page.headers["x-content-type-options"] == "nosniff"
     assert "http://" not in page.text.replace("http://www.w3.org", "")
     assert "https://" not in page.text
-    cookie = page.headers["set-cookie"].lower()
-    assert "httponly" in cookie
-    assert "samesite=strict" in cookie
-
-
-@pytest.mark.slow
-def test_two_visitors_do_not_see_each_other(port, done):
-    other = Client(port)
-    assert other.cookie != done.cookie
-    assert other.get("/result/report.html").status == 404
-    assert "cart" not in other.get("/sections").sections["records"]
-    assert other.post("/example", Cookie=done.cookie).status == 403
-
-
-@pytest.mark.slow
-def test_there_are_only_so_many_visitors(monkeypatch):
-    monkeypatch.setattr(visitors, "VISITORS", 1)
-    with served() as port:
-        first = Client(port)
-        Client(port)  # takes the place of the first, who brought nothing
-        assert first.get("/sections").status == 404
-        second = Client(port)
-        second.ask("/system", system="two-tanks")
-        assert second.get("/", Cookie=None).status == 503
-        assert second.get("/sections").status == 200
 
 
 # -- what is taken ---------------------------------------------------------------------------------
@@ -221,7 +230,7 @@ def test_a_form_that_is_filled_in_otherwise_is_refused(done, form, said):
 
 
 def test_a_port_that_is_taken_is_refused(port):
-    result = CliRunner().invoke(main, ["app", "--port", str(port)])
+    result = CliRunner().invoke(main, ["app", "--port", str(port.port)])
     assert result.exit_code == 2
     assert "Remedy: --port 0 selects a free one" in result.output
 
@@ -324,23 +333,47 @@ def test_a_diagnosis_that_is_stopped_stops_and_another_may_begin(port):
 
 
 @pytest.mark.slow
-def test_processes_and_folders_go_with_the_server(monkeypatch):
-    known = []
-    welcome = visitors.Visitors.welcome
+def test_records_that_come_first_are_kept_until_a_model_comes(port):
+    client = Client(port)
+    assert "run.csv" in client.bring("records", "run.csv", run()).sections["records"]
+    answer = client.bring("model", "sledge.yaml", MODEL)
+    assert "run.csv" in answer.sections["records"]
+    assert "<option selected>speed</option>" in answer.sections["columns"]
 
-    async def noted(self):
-        key, visitor = await welcome(self)
-        known.append(visitor)
-        return key, visitor
 
-    monkeypatch.setattr(visitors.Visitors, "welcome", noted)
-    with served() as port:
-        client = Client(port)
+@pytest.mark.slow
+def test_a_header_with_and_one_without_its_unit_are_one_column(port):
+    client = Client(port)
+    client.bring("model", "sledge.yaml", MODEL)
+    client.bring("records", "a.csv", run(0, "t [s],F [N],speed [m/s]"))
+    client.bring("records", "b.csv", run(1))
+    answer = client.bring("records", "c.csv", run(2, "t [ms],F [kN],speed", (1e3, 1e-3, 1)))
+    assert answer.status == 200
+    units = {"t": "s", "F": "N", "speed": "m/s"}
+    mapping = {name: {"column": f"{name} [{unit}]", "unit": unit} for name, unit in units.items()}
+    client.ask("/look", mapping=mapping)
+    state = client.wait()
+    assert state["message"] == ""
+    seen = state["sections"]["seen"].replace("14.9 s", "15 s")
+    assert seen.count("300 samples, 15 s") == 3
+
+
+@pytest.mark.slow
+def test_the_process_ends_with_the_server():
+    before = {*children()}
+    with served() as address:
+        client = Client(address)
         client.ask("/system", system="two-tanks")
-        (visitor,) = known
-        process = visitor.worker._process.pid
-        assert (visitor.folder / "model.yaml").exists()
-        os.kill(process, 0)
-    assert not visitor.folder.exists()
-    with pytest.raises(ProcessLookupError):
-        os.kill(process, 0)
+        assert (address.folder / "model.yaml").exists()
+        workers = [pid for pid in {*children()} - before if b"app.worker" in command_of(pid)]
+        assert workers
+    assert not {*workers} & {*children()}
+
+
+def children():
+    told = (f"/proc/self/task/{task}/children" for task in os.listdir("/proc/self/task"))
+    return [pid for path in told for pid in Path(path).read_text().split()]
+
+
+def command_of(pid):
+    return Path(f"/proc/{pid}/cmdline").read_bytes()

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from sklearn_pgnn.cli.app.visitor import Stages, Visitor
-from sklearn_pgnn.cli.app.work import MODULE, Refused
+from sklearn_pgnn.cli.app.work import MODULE, NO_MEMORY, Refused
 
 pytestmark = pytest.mark.core
 
@@ -30,8 +30,24 @@ def test_the_process_ends_with_its_input_and_answers_in_lines(tmp_path):
     assert told[2] == {"stage": "reading the records", "step": 0, "steps": 1}
 
 
-def test_a_file_that_arrives_when_a_diagnosis_has_begun_does_not_end_it():
-    visitor = Visitor()
+GREEDY = """
+import sys
+from sklearn_pgnn.cli.app.worker import Answers, answer, limit_memory
+limit_memory(4 * 10**9)
+answer({"do": "greedy"}, Answers(sys.stdout), {"greedy": lambda _: bytearray(5 * 10**9)})
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="memory has a limit on Linux")
+def test_work_that_needs_too_much_memory_says_so():
+    done = subprocess.run([sys.executable, "-c", GREEDY], capture_output=True, text=True)
+    assert json.loads(done.stdout)["refused"] == NO_MEMORY
+    assert "needed more than 8 GB of memory. Remedy:" in NO_MEMORY
+
+
+def test_a_file_that_arrives_when_a_diagnosis_has_begun_does_not_end_it(tmp_path):
+    visitor = Visitor(tmp_path)
     number = visitor.new_number()
     visitor.running = going_on = Stages("diagnose")
     with pytest.raises(Refused, match=r"A diagnosis is running: wait for it, or stop it first\."):
@@ -40,9 +56,9 @@ def test_a_file_that_arrives_when_a_diagnosis_has_begun_does_not_end_it():
     assert visitor.records == []
 
 
-def test_files_that_arrive_together_count_together(monkeypatch):
+def test_files_that_arrive_together_count_together(tmp_path, monkeypatch):
     monkeypatch.setattr("sklearn_pgnn.cli.app.visitor.ALL_BYTES", 10)
-    visitor = Visitor()
+    visitor = Visitor(tmp_path)
     one, other = visitor.new_number(), visitor.new_number()
     asyncio.run(visitor.take_record(one, "a.csv", b"t,v\n0,1"))
     with pytest.raises(Refused, match="Expected at most 1e-05 MB in all files of records"):

@@ -1,26 +1,36 @@
 "use strict";
 // The page in its pieces: every answer of the server brings them anew; those that changed are put in.
 
-const token = document.querySelector("meta[name=token]").content;
 const shown = {};
 const message = document.getElementById("message");
 const told = document.getElementById("told");
+const doing = document.getElementById("doing");
+let open = 0; // requests that are not answered
 let polling = null;
 let asked = 0; // requests so far
 const edited = {}; // by field, the requests before it was filled in
 
-async function send(method, path, body) {
+// every request is seen at once, however long its answer takes
+async function send(method, path, body, what = "") {
   document.body.classList.add("busy");
   const number = ++asked;
+  open += 1;
+  if (what) doing.textContent = what;
+  doing.hidden = !doing.textContent;
   try {
-    const answer = await fetch(path, { method, body, headers: { "X-Token": token } });
+    const answer = await fetch(path, { method, body });
     await show(answer, number);
     return answer.ok;
   } catch (error) {
     say("The server does not answer. Is it still running?");
     return false;
   } finally {
-    document.body.classList.remove("busy");
+    open -= 1;
+    if (!open) {
+      document.body.classList.remove("busy");
+      doing.hidden = true;
+      doing.textContent = "";
+    }
   }
 }
 
@@ -87,7 +97,7 @@ function poll() {
     polling = null;
     const number = ++asked;
     try {
-      await show(await fetch("/sections"), number);
+      await show(await fetch("sections"), number);
     } catch (error) {
       say("The server does not answer. Is it still running?");
     }
@@ -116,16 +126,16 @@ function isWhole() {
 }
 
 function look() {
-  return send("POST", "/look", JSON.stringify({ mapping: mapping() }));
+  return send("POST", "look", JSON.stringify({ mapping: mapping() }));
 }
 
 const ACTIONS = {
-  system: () => send("POST", "/system", JSON.stringify({ system: document.getElementById("system").value })).then(lookIfWhole),
-  example: () => send("POST", "/example").then(lookIfWhole),
-  drop: (button) => send("DELETE", `/records/${button.dataset.number}`).then(lookIfWhole),
+  system: () => send("POST", "system", JSON.stringify({ system: document.getElementById("system").value }), "Making the model …").then(lookIfWhole),
+  example: () => send("POST", "example", null, "Simulating a cart …").then(lookIfWhole),
+  drop: (button) => send("DELETE", `records/${button.dataset.number}`).then(lookIfWhole),
   look,
-  diagnose: () => send("POST", "/diagnosis", JSON.stringify({ mapping: mapping(), options: options() })),
-  stop: () => send("DELETE", "/work"),
+  diagnose: () => send("POST", "diagnosis", JSON.stringify({ mapping: mapping(), options: options() })),
+  stop: () => send("DELETE", "work"),
 };
 
 function lookIfWhole(done) {
@@ -136,7 +146,7 @@ async function bring(to, files) {
   let done = true;
   for (const file of files) {
     const name = encodeURIComponent(file.name);
-    done = (await send("POST", `/${to}?name=${name}`, file)) && done;
+    done = (await send("POST", `${to}?name=${name}`, file, `Reading ${file.name} …`)) && done;
     if (!done) break;
   }
   await lookIfWhole(done);
@@ -153,8 +163,7 @@ document.addEventListener("click", async (event) => {
 });
 
 document.addEventListener("change", (event) => {
-  const drop = event.target.closest("[data-to]");
-  if (drop) bringTo(drop.dataset.to, [...event.target.files]);
+  if (event.target.closest("[data-to]")) bringAll([...event.target.files]);
   else if (event.target.closest("#mapping")) isWhole() ? look() : remap(event.target);
 });
 
@@ -178,22 +187,16 @@ for (const kind of ["dragenter", "dragover"]) {
 document.addEventListener("dragleave", (event) => event.target.closest?.("[data-to]")?.classList.remove("over"));
 document.addEventListener("drop", (event) => {
   event.preventDefault();
-  const drop = event.target.closest?.("[data-to]");
   document.querySelectorAll(".over").forEach((each) => each.classList.remove("over"));
-  const files = [...event.dataTransfer.files];
-  if (!files.length) return;
-  bringTo(drop?.dataset.to, files);
+  bringAll([...event.dataTransfer.files]);
 });
 
-function bringTo(place, files) {
+// wherever it is dropped, a YAML file is a model, and all else are records
+async function bringAll(files) {
   const isModel = (file) => /\.ya?ml$/i.test(file.name);
-  if (place === "records" || (place === "model" && !files.some(isModel))) bring(place, files);
-  else bringAll(files.filter(isModel), files.filter((file) => !isModel(file)));
-}
-
-async function bringAll(models, records) {
+  const models = files.filter(isModel), records = files.filter((file) => !isModel(file));
   if (models.length) await bring("model", models.slice(0, 1));
   if (records.length) await bring("records", records);
 }
 
-send("POST", "/start");
+send("POST", "start");

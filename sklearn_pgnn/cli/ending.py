@@ -1,0 +1,60 @@
+"""The command as a process: streams that take every text, and an end without delay."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from types import FrameType
+
+from sklearn_pgnn.cli.signals import SIGNALS
+
+
+def take_any_text() -> None:
+    """Replace characters that stdout cannot show, as on a terminal in ASCII, by question marks."""
+    with suppress(AttributeError):  # not a stream of text
+        sys.stdout.reconfigure(errors="replace")  # type: ignore[union-attr]
+
+
+def run_to_the_end(command: Callable[[], object]) -> None:
+    """Run a command; when it has ended nobody waits for workers, and a signal has no traceback."""
+    code = 1
+    try:
+        command()
+    except OSError as error:  # of what click writes
+        code = 2
+        sys.stderr.write(f"Error: output: {error.strerror}.\n")
+        sys.exit(code)
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+        raise
+    finally:
+        end_workers()
+        _drop_unwritten()
+        _end_on_signals(code)
+
+
+def end_workers() -> None:
+    """End the processes of joblib that work for this one, whatever they do."""
+    executors = sys.modules.get("joblib.externals.loky.reusable_executor")
+    executor = getattr(executors, "_executor", None)
+    if executor is not None:
+        executor.shutdown(wait=True, kill_workers=True)
+
+
+def _drop_unwritten() -> None:
+    """Forget what stdout does not take: the error was told, and is not told again at the end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _end_on_signals(code: int) -> None:
+    def end(_number: int, _frame: FrameType | None) -> None:
+        os._exit(code)
+
+    for name in SIGNALS:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end)
