@@ -245,7 +245,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         pieces = without_gaps(records, self.window_length)
         found = self._find(pieces, names)
         windows = found.windowed.windows
-        self._keep_model(found, records)
+        self.model_ = self._keep_model(found, records)
         self._keep_estimates(found)
         _warn_of_ends(found.fit.freedoms, self.model_)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
@@ -478,15 +478,15 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
         return tuple(name for name in names if name not in still)
 
-    def _keep_model(self, found: ParameterFit, records) -> None:
-        """Keep the fitted model, and how it is simulated."""
+    def _keep_model(self, found: ParameterFit, records) -> PhysicsModel:
+        """Keep how the fitted model is simulated, and return it."""
         windows = found.windowed.windows
         self.hold_, self.substeps_, self.method_ = windows.hold, windows.substeps, windows.method
         said = {"hold": self.hold_, **windows.steps.settings}
-        self.model_: PhysicsModel = found.fit.model.replace(simulation=said)
         limits = limits_of(np.concatenate([record.y for record in records]))
         interval = usual_step(records)
         self._simulated = (interval, self.substeps_, limits, self.hold_, self.method_)
+        return found.fit.model.replace(simulation=said)
 
     def _keep_estimates(self, found: ParameterFit) -> None:
         errors = standard_errors(found.fit, found.expected, found.spread)
