@@ -24,20 +24,7 @@ def run_records(model: PhysicsModel, records, **options) -> list[Simulation]:
 
 
 def run_from_starts(model: PhysicsModel, windowed: WindowedRecords) -> list[Simulation]:
-    """Simulate windowed records in free run, each from its estimated first state.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windowed : WindowedRecords
-        The records.
-
-    Returns
-    -------
-    list of Simulation
-        States and outputs of every record.
-    """
+    """Simulate windowed records in free run, each from its estimated first state."""
     windows = windowed.windows
     starts = windowed.states.values(model)[windows.bounds[:-1]]
     return [
