@@ -66,6 +66,19 @@ class RecordWarning(UserWarning):
     """
 
 
+class DiagnosisWarning(UserWarning):
+    """A stage of a diagnosis, or a part of its report, failed; the rest is kept.
+
+    Its ``__cause__`` is the error.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", DiagnosisWarning)  # raised once the results are kept
+    """
+
+
 class ModelWarning(UserWarning):
     """A model is used with a reservation; the message states it and the remedy.
 

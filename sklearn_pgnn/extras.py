@@ -17,7 +17,6 @@ EXTRAS = {
     "ros": ("rosbags",),
     "sindy": ("pysindy",),
     "tuning": ("skopt",),
-    "units": ("pint",),
 }
 EXTRA_OF = {library: extra for extra, libraries in EXTRAS.items() for library in libraries}
 

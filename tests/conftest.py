@@ -29,6 +29,15 @@ def real_data() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def cases(real_data) -> Path:
+    """Return the folder of simulated cases with known answers, or skip the test."""
+    folder = real_data.parent / "cases"
+    if not folder.is_dir():
+        pytest.skip(f"no cases beside {real_data}")
+    return folder
+
+
 @pytest.fixture(scope="module")
 def browser():
     """Return a headless Chromium, or skip the test where there is none."""

@@ -43,9 +43,6 @@ USES = {
         "sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())",
         "sklearn_pgnn.priors.from_casadi(None, {})",
     ],
-    "units": [
-        "from sklearn_pgnn.physics.units import read_unit; read_unit('mm')",
-    ],
     "mdf": ["from sklearn_pgnn.trajectories import read_file; read_file('run.mf4', None)"],
     "ros": ["from sklearn_pgnn.trajectories import read_file; read_file('run.bag', None)"],
     "files": [

@@ -39,6 +39,7 @@ ESTIMATORS = [
 OF_THE_COLUMNS = (
     "X: expected the columns",  # of another number
     "X: trajectory '0' has",  # whose first one is no time: it does not increase
+    "X: expected the rows of a trajectory in the order of their time",  # the same
     "X: column 't' is nan",  # where only states may be
     "X: the time is standardised",  # as some checks do with all that they bring
 )
@@ -78,8 +79,6 @@ def test_only_columns_that_the_model_forbids_fail(estimator):
     failed = [each for each in results if each["status"] == "failed"]
     others = {e["check_name"] for e in failed if not is_of_the_columns(e["exception"])}
     allowed = OF_SKORCH if isinstance(estimator, PGNNLRegressor) else {}
-    if isinstance(estimator, PhysicsModelTransformer):  # which asks for no y, so no samples are few
-        allowed = OF_TIME
     assert others == set(allowed)
     assert len(results) > 45
 

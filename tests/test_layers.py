@@ -12,9 +12,9 @@ pytestmark = pytest.mark.core
 
 #: from the bottom; a package imports from lower layers only, not from others in its own
 LAYERS = (
-    {"exceptions", "extras", "readings", "threads", "user_line", "whole_file"},
+    {"exceptions", "extras", "readings", "stages", "threads", "user_line", "whole_file"},
     {"__init__"},
-    {"physics"},
+    {"physics", "progress_display"},
     {"effects", "priors", "systems", "trajectories"},
     {"simulation"},
     {"preprocessing", "estimators", "model_selection"},

@@ -131,6 +131,7 @@ TRUSTED = {
         "sklearn_pgnn.estimation.problem.EstimationProblem",
         "sklearn_pgnn.diagnosis.unexplained.MissingPart",
         "sklearn_pgnn.diagnosis.verdict.Remaining",
+        "sklearn_pgnn.diagnosis.structure.Structure",
         "sklearn_pgnn.physics.scales.Scales",
         "sklearn_pgnn.physics.effects.formula.Formula",
         "sklearn_pgnn.simulation.state_estimate.StateEstimator",

@@ -172,3 +172,43 @@ def test_the_scale_of_the_tanks_sensor_is_bent(real_data):
     assert ("sensor_curvature", "y") in found
     gain = diagnosis.gain_["y"]
     assert gain.free_run_extended < 0.5 * gain.free_run_refitted
+
+
+# -- what an early end, and few candidates, leave --------------------------------------------------
+
+
+def diagnosed(folder, model="model.yaml", records="train*.csv", **options):
+    prior = PhysicsModel.from_yaml(folder / model)
+    X, y = read_csv_files(sorted(folder.glob(records)), prior)
+    return ModelDiagnosis(prior, **options).fit(X, y)
+
+
+@pytest.mark.slow
+def test_both_of_two_candidates_are_named(real_data):
+    """A formula that leaves ten times the noise, its k at a bound, takes no place of theirs."""
+    catalogue = ("input_dead_zone", "coulomb_friction")
+    found = diagnosed(real_data / "model_car", catalogue=catalogue)
+    assert {cause.effect for cause in found.causes_} == set(catalogue)
+    threshold = found.causes_[0].parameters["threshold"]
+    assert threshold.value == pytest.approx(0.164, rel=0.3)
+    assert 1.1 < found.parameters_["k"].value < 99.0
+    assert found.discrepancy_ is None
+
+
+@pytest.mark.slow
+def test_a_lag_in_an_output_with_feed_through_is_followed_by_what_a_sensor_hides(cases):
+    catalogue = ("actuator_lag", "sensor_rectification")
+    found = diagnosed(cases / "feed_through", catalogue=catalogue, max_causes=2)
+    assert found.stopped_ is None
+    assert "u_lagged" in found.extended_model_.states
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limit", [30.0, 60.0])
+def test_an_unfinished_search_names_nothing_for_certain(cases, limit):
+    found = diagnosed(cases / "crane", "crane_fr.yaml", "crane_?.csv", time_limit=limit)
+    if not found.complete_:
+        assert found.verdict_ in ("provisional", "model_adequate")
+        assert not found.tested_
+        assert all(np.isnan(cause.probability) for cause in found.causes_)
+    assert not {"cogging", "sensor_curvature"} & {cause.effect for cause in found.causes_}

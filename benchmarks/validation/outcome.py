@@ -117,7 +117,9 @@ def judge(kind, diagnosis, hidden, groups) -> str:
     were chosen.
     """
     if kind == "nothing":
-        return "named" if diagnosis.verdict_ == "model_adequate" else _false(groups)
+        return (
+            "named" if diagnosis.verdict_ in ("model_adequate", "nothing_found") else _false(groups)
+        )
     if kind == "disturbance":
         return "wrong" if groups else "named"
     if kind == "law":

@@ -73,8 +73,8 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
 
     A file is one record: CSV, MAT, Parquet or Excel, with the time t [s], the inputs and the
     measured outputs under the names that the model file gives them. The exit code is 0 with any
-    verdict, 2 if the input cannot be used, 1 after an internal error, 130 or 143 after Ctrl-C or
-    SIGTERM.
+    verdict, 2 if the input cannot be used, 3 after an internal error that left a result, 1 after
+    one that left none, 130 or 143 after Ctrl-C or SIGTERM.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:

@@ -12,8 +12,9 @@ from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.trajectories.file_table import FileTable, read_each
+from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
+from sklearn_pgnn.trajectories.several_files import read_each
 
 
 class Checked(NamedTuple):
@@ -48,11 +49,11 @@ def check_model(model, data, sample_time=None) -> Checked:
         read = open_model(model)
         tables: list[FileTable] = []
 
-        def read_once(path, model, sample_time):
+        def opened(path, model, sample_time):
             tables.append(open_file(path, model, sample_time))
-            return tables[-1].read()
+            return tables[-1]
 
-        X, y = read_each(read_once, data, read, sample_time)
+        X, y = read_each(opened, data, read, sample_time)
         unused = dict.fromkeys(name for table in tables for name in table.unused())
         converted = {name: units for table in tables for name, units in table.converted().items()}
         look = first_look(read, X, y)

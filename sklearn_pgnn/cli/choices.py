@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
-from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
+from sklearn_pgnn.estimation.possible_causes import check_targets, is_possible
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, by_id
@@ -154,7 +154,7 @@ def check_candidates(model: PhysicsModel, effects, targets) -> None:
     OptionError
         If none of the effects can act on any of the targets.
     """
-    if not possible_causes(model, effects, targets):
+    if not is_possible(model, effects, targets):
         ids = ", ".join(effect.id for effect in effects)
         on = f"on {', '.join(targets)} " if targets else ""
         raise OptionError(

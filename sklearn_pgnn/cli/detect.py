@@ -9,7 +9,7 @@ from sklearn_pgnn.cli.records import read_model_and_records
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.least_size import least_size
 from sklearn_pgnn.inspection.strict_json import as_strict_json
 
 
@@ -82,7 +82,7 @@ class DetectJob:
         seen = [row for row in found.rows if not row.reason]
         rows = table("", "", "")
         for row in seen:
-            size = f"{number(row.smallest, 3)} {row.unit}".rstrip()
+            size = least_size(row, 3)
             what = row.parameter.replace("_", " ")
             rows.add_row(cell(cause_name(row.effect, row.target)), cell(what), cell(size))
         print_table(console, rows)

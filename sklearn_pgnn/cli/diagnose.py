@@ -1,10 +1,12 @@
 """The job of ``sklearn-pgnn diagnose``: read, diagnose, write, print."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from time import monotonic
 from typing import Any, NamedTuple
 
 import click
@@ -27,13 +29,16 @@ from sklearn_pgnn.cli.output import (
 from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import UNUSABLE, RecordWarning
+from sklearn_pgnn.exceptions import DiagnosisWarning, RecordWarning
 from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.trajectories.files import read_files
 
 #: the files of a diagnosis
 NAMES = ("diagnosis.json", EXTENDED, "report.html")
+
+#: time [s] that a diagnosis gets in any case
+SOON = 1e-3
 
 
 class Done(NamedTuple):
@@ -94,24 +99,27 @@ class Job:
         Raises
         ------
         Bug
-            After an internal error; earlier findings are written.
+            After an internal error; what was found in spite of it is written.
         """
         rivals = sorted(file.name for file in Path(self.output).glob(RIVALS))
         earlier = check_free(Path(self.output), [*NAMES, *rivals], force=self.force)
         progress("reading the model and the records")
         model = read_model(self.model)
+        begun = monotonic()
         diagnosis = self._prepare(model, progress)
         with told_warnings(RecordWarning):
             X, y = read_files(self.data, model, self.options.get("sample_time"))
+        if diagnosis.time_limit is not None:
+            left = diagnosis.time_limit - (monotonic() - begun)
+            diagnosis.set_params(time_limit=max(left, SOON))
         provenance = Provenance.of_files(self.model, self.data, command_line())
         with result_folder(Path(self.output)) as folder:
             broken, warned = fit_kept(diagnosis, X, y)
             progress("writing the report")
-            failed = write_files(folder, result_texts(diagnosis, provenance))
+            failed = write_results(folder, diagnosis, provenance)
             kept = sorted(file.name for file in folder.iterdir())
         remove_files(Path(self.output), {*rivals} - {*kept})
-        if broken or failed:
-            error = broken or next(iter(failed.values()))
+        if (error := broken or failed) is not None:
             raise Bug(error, self._kept(kept)) from error
         return Done(diagnosis, warned, bool(earlier))
 
@@ -147,15 +155,10 @@ class Job:
 
 
 def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
-    """Fit; return the error, if there is a verdict in spite of it, or None, and the warnings."""
-    broken = None
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("always", RecordWarning)
+    """Fit; return the error of a stage that was left out, or None, and the warnings."""
+    with _noted(RecordWarning, DiagnosisWarning) as told:
         try:
             diagnosis.fit(X, y)
-        except UNUSABLE:
-            raise
         except SystemExit:
             click.echo(
                 "No result of the search is kept. Remedy: --time-limit SECONDS ends a search with "
@@ -163,11 +166,33 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
                 err=True,
             )
             raise
-        except Exception as error:
-            if not hasattr(diagnosis, "verdict_"):
-                raise
-            broken = error
-    return broken, [str(warning.message) for warning in told]
+    records = [str(each) for each in told if isinstance(each, RecordWarning)]
+    return _left_out(told), records
+
+
+def write_results(folder: Path, diagnosis, provenance: Provenance) -> Exception | None:
+    """Write the files of a result; return the error of a file or a part that was left out."""
+    with _noted(DiagnosisWarning) as told:
+        failed = write_files(folder, result_texts(diagnosis, provenance))
+    return next(iter(failed.values()), None) or _left_out(told)
+
+
+@contextmanager
+def _noted(*categories: type[Warning]) -> Iterator[list[Warning]]:
+    """Yield a list that holds the warnings of some categories afterwards; others are ignored."""
+    noted: list[Warning] = []
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("ignore")
+        for category in categories:
+            warnings.simplefilter("always", category)
+        yield noted
+        noted += [each.message for each in told if isinstance(each.message, Warning)]
+
+
+def _left_out(told: Iterable[Warning]) -> Exception | None:
+    """Return the error of the first stage or part that was left out."""
+    errors = (each.__cause__ for each in told if isinstance(each, DiagnosisWarning))
+    return next((error for error in errors if isinstance(error, Exception)), None)
 
 
 def result_texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:

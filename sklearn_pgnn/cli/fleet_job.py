@@ -15,6 +15,7 @@ from sklearn_pgnn.cli.cluster import on_cluster
 from sklearn_pgnn.cli.guard import one_line, writing
 from sklearn_pgnn.cli.records import read_model
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet import FleetDiagnosis
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT
@@ -22,7 +23,6 @@ from sklearn_pgnn.fleet.machine import SAID
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.inspection.words import VERDICTS
 from sklearn_pgnn.trajectories.ros_bag import METADATA
 
 MACHINE = "{machine}"

@@ -1,4 +1,4 @@
-"""Errors in one line: input that cannot be used (exit 2), or a bug of the package (exit 1)."""
+"""Errors in one line: input that cannot be used (exit 2), or a bug of the package (exit 1 or 3)."""
 
 import errno
 import traceback
@@ -25,7 +25,7 @@ class Bug(click.ClickException):
     error : Exception
         The error.
     kept : str, default=""
-        A sentence on earlier findings.
+        A sentence on the findings that are kept in spite of it; with one the exit code is 3.
     """
 
     exit_code = 1
@@ -37,6 +37,7 @@ class Bug(click.ClickException):
             kept,
             "Please report it, with what --debug shows.",
         )
+        self.exit_code = 3 if kept else 1  # type: ignore[misc]
         super().__init__(one_line(" ".join(filter(None, sentences))))
 
 

@@ -46,7 +46,7 @@ _SAMPLE_TIME = click.option(
     "--sample-time",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="Time from sample to sample [s], for files that have no time.",
+    help="Time from sample to sample [s], for files without a time; it overrides one they have.",
 )
 _NOISE = click.option(
     "--noise",
@@ -157,8 +157,8 @@ _DIAGNOSIS = (
         type=click.FloatRange(min=0, min_open=True),
         metavar="S",
         help=(
-            "Time [s] after which the search ends and the best so far is reported; the rest of the "
-            "report is still computed, which takes a little longer."
+            "Time [s] for everything but the report's pages. A search that does not finish reports "
+            "the best so far, as provisional."
         ),
     ),
     _SEED,

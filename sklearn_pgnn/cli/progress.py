@@ -1,148 +1,27 @@
-"""Progress on stderr: on a terminal finished stages and a live line, in a pipe some lines.
+"""Progress on stderr, interrupted by signals."""
 
-Imports nothing heavy, so that the first output appears before the libraries are loaded.
-"""
-
-import math
-from collections.abc import Callable
+from collections.abc import Iterator
 from contextlib import contextmanager
-from time import monotonic
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
-from rich.text import Text
 
 from sklearn_pgnn.cli.signals import check
-from sklearn_pgnn.cli.stages import in_words
-from sklearn_pgnn.estimation.progress import BEST
-
-#: seconds between two lines of one stage in a pipe
-EVERY = 5.0
+from sklearn_pgnn.progress_display import Show, shown_progress
 
 
 @contextmanager
-def show_progress(quiet: bool):
-    """Show the progress on stderr.
-
-    Parameters
-    ----------
-    quiet : bool
-        Whether to show nothing.
-
-    Yields
-    ------
-    callable
-        To be called as ``progress(stage, done, total)``, or ``progress(stage)`` if nothing is
-        counted; stages may recur.
-    """
-    console = Console(stderr=True)
+def show_progress(quiet: bool) -> Iterator[Show]:
+    """Show the progress on stderr, unless quiet; every step checks for signals."""
     if quiet:
-        yield _checked(lambda *_: None)
-    elif console.is_terminal:
-        with _bars(console) as bars:
-            live = _Live(bars)
-            yield _checked(live)
-            live.finish()
+        yield lambda *_: check()
     else:
-        yield _checked(Lines(lambda line: console.print(line, highlight=False, soft_wrap=True)))
+        with shown_progress(Console(stderr=True)) as show:
+            yield _checked(show)
 
 
-def _checked(show: Callable) -> Callable:
-    """Check for signals at every step; stages are in words, a single step is not counted."""
-
-    def progress(stage: str, done: int = 0, total: int | None = None) -> None:
+def _checked(show: Show) -> Show:
+    def progress(*step) -> None:
         check()
-        show(in_words(stage), done, None if total == 1 else total)
+        show(*step)
 
     return progress
-
-
-def _bars(console: Console) -> Progress:
-    began = monotonic()
-
-    def elapsed(_task) -> Text:
-        minutes, seconds = divmod(int(monotonic() - began), 60)
-        return Text(f"{minutes}:{seconds:02d}")
-
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn("{task.fields[count]}"),
-        _Column(elapsed),
-    )
-    return Progress(*columns, console=console, transient=True)
-
-
-class _Column(TextColumn):
-    """A column whose text is computed by a function."""
-
-    def __init__(self, text: Callable):
-        super().__init__("")
-        self.text = text
-
-    def render(self, task) -> Text:
-        """Return the text of a task."""
-        return self.text(task)
-
-
-class _Live:
-    """Finished stages with their durations, and below them a line for the current one."""
-
-    def __init__(self, bars: Progress, clock: Callable[[], float] = monotonic):
-        self.bars, self.clock = bars, clock
-        self.now: tuple | None = None
-        self.began = clock()
-
-    def __call__(self, stage: str, done: int, total: int | None) -> None:
-        if stage.startswith(BEST):
-            self.bars.console.print(Text(f"{'':10}{stage}"))
-            return
-        if self.now is not None and self.now[0] != stage:
-            self.finish()
-        if self.now != (stage, total):
-            self.now = stage, total
-            for task in self.bars.task_ids:
-                self.bars.remove_task(task)
-            self.bars.add_task(stage, total=total, count="")
-        if total is not None:
-            self.bars.update(self.bars.task_ids[-1], completed=done, count=f"{done}/{total}")
-
-    def finish(self) -> None:
-        """Leave a line with the duration of the current stage."""
-        if self.now is not None:
-            now = self.clock()
-            line = f"{now - self.began:6.1f} s  {self.now[0]}"
-            self.bars.console.print(Text(line, style="dim"))
-            self.began = now
-
-
-class Lines:
-    """A line when a stage begins, and one every few seconds while it goes on, with the time so far.
-
-    Parameters
-    ----------
-    write : callable
-        Takes a line.
-    clock : callable, default=time.monotonic
-        Returns the time [s].
-    """
-
-    def __init__(self, write: Callable[[str], object], clock: Callable[[], float] = monotonic):
-        self.write, self.clock = write, clock
-        self.seen: set[str] = set()
-        self.began, self.last = clock(), -math.inf
-
-    def __call__(self, stage: str, done: int, total: int | None) -> None:
-        """Show a step, unless the last line is very recent."""
-        now = self.clock()
-        if stage.startswith(BEST):
-            self.write(stage)
-            return
-        if stage in self.seen and now - self.last < EVERY:
-            return
-        self.seen.add(stage)
-        self.last = now
-        step = "" if total is None else f": {done} of {total}"
-        since = int(now - self.began)
-        self.write(f"{stage}{step}, {since} s ..." if since else f"{stage}{step} ...")

@@ -13,8 +13,8 @@ from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.priors import from_fmu
-from sklearn_pgnn.trajectories.file_table import read_each
 from sklearn_pgnn.trajectories.files import open_file, read_files
+from sklearn_pgnn.trajectories.several_files import read_each
 
 
 def read_model_and_records(
@@ -29,7 +29,7 @@ def read_model_and_records(
     data : sequence of str or path-like
         The files of records.
     sample_time : float or None
-        Sample interval [s] of files without a time.
+        Sample interval [s], which overrides the time of the files.
 
     Returns
     -------
@@ -88,19 +88,15 @@ def read_inputs(
     data : sequence of str or path-like
         The files of records.
     sample_time : float or None
-        Sample interval [s] of files without a time.
+        Sample interval [s], which overrides the time of the files.
 
     Returns
     -------
     X, y : DataFrame
         Inputs, and the outputs that exist, under the model's own names.
     """
-
-    def read(path, model, sample_time):
-        return open_file(path, model, sample_time).read(needs_outputs=False)
-
     with told_warnings(RecordWarning):
-        return read_each(read, data, model, sample_time)
+        return read_each(open_file, data, model, sample_time, needs_outputs=False)
 
 
 @contextmanager

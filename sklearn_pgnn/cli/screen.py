@@ -16,6 +16,7 @@ from sklearn_pgnn.cli.tables import (
     screen,
     table,
 )
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.model_files import described_models
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
@@ -27,9 +28,8 @@ from sklearn_pgnn.inspection.words import (
     separation_sentence,
     unusable_sentence,
     verdict_sentence,
-    verdict_title,
 )
-from sklearn_pgnn.inspection.yardstick import retuning_counts
+from sklearn_pgnn.inspection.yardstick import retuning_counts, shown_models
 
 #: colour of a verdict, on a terminal with colours
 COLOURS = {
@@ -37,6 +37,9 @@ COLOURS = {
     "cause_named": "cyan",
     "ambiguous": "yellow",
     "unexplained": "red",
+    "provisional": "yellow",
+    "predicts_nothing": "red",
+    "nothing_found": "yellow",
 }
 #: probability of a cause from which on the probability is not printed
 SURE = 0.99
@@ -85,7 +88,7 @@ def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
 
 
 def _say_verdict(console, diagnosis) -> None:
-    title = f"{verdict_title(diagnosis)}. "
+    title = f"{VERDICTS[diagnosis.verdict_]}. "
     sentence = one_line(verdict_sentence(diagnosis))
     colour = f"bold {COLOURS[diagnosis.verdict_]}"
     print_trimmed(console, Text.assemble((title, colour), (sentence, "bold")))
@@ -130,7 +133,8 @@ def _print_parameters(console, diagnosis) -> None:
     unknown = [name for name in parameters if math.isinf(told[name].reach)]
     shown = {n: p for n, p in parameters.items() if p.changed or n in (*limited, *unknown)}
     if not shown:
-        moved = retuning_counts(diagnosis) and not diagnosis.causes_
+        is_alone = not diagnosis.causes_ and diagnosis.discrepancy_ is None
+        moved = is_alone and retuning_counts(diagnosis)
         together = "re-tuned together; " if moved else ""
         heading(console, f"Parameters: {together}none changed beyond its 95 % interval")
         return
@@ -143,27 +147,24 @@ def _print_parameters(console, diagnosis) -> None:
     print_table(console, rows)
 
 
-def _extended(diagnosis) -> str:
-    """Return the name of the extended model, whose file may also contain a formula."""
-    return "extended" if diagnosis.discrepancy_ is None else "without formula"
-
-
 def _print_gain(console, diagnosis) -> None:
     heading(
         console, f"Error on held-out windows of {number(diagnosis.window_, 3)} s (root mean square)"
     )
-    rows = table("", "as given", "re-tuned", _extended(diagnosis), "noise", "", "explained")
+    shown = shown_models(diagnosis)
+    rows = table("", *shown.values(), "noise", "", "explained")
     for output, gain in diagnosis.gain_.items():
-        errors = (gain.prior, gain.refitted, gain.extended, gain.noise)
+        errors = (*(getattr(gain, which) for which in shown), gain.noise)
         rows.add_row(cell(output), *(number(e, 3) for e in errors), cell(gain.unit), share(gain))
     print_table(console, rows)
 
 
 def _print_free_run(console, diagnosis) -> None:
     heading(console, "Error in free run, every record from its own start (root mean square)")
-    rows = table("", "as given", "re-tuned", _extended(diagnosis), "")
+    shown = shown_models(diagnosis)
+    rows = table("", *shown.values(), "")
     for output, error in diagnosis.free_run_.items():
-        errors = (error.prior, error.refitted, error.extended)
+        errors = (getattr(error, which) for which in shown)
         unit = cell(diagnosis.model.unit(output))
         rows.add_row(cell(output), *map(free_run_error, errors), unit)
     print_table(console, rows)

@@ -35,7 +35,7 @@ COMMENTS = {
 OPTIONAL = {
     "initial_state": "where a record without initial states starts; zero by default",
     "columns": "column name of a quantity in the files, where it differs from its name",
-    "delays": "for a delayed input, the parameter of its delay [s]: a new one, such as tau",
+    "delays": "for an input that acts late, the parameter of its delay: uncomment that above, too",
     "simulation": "hold: zoh or foh (inputs held, or linearly interpolated); substeps; method",
 }
 
@@ -105,10 +105,13 @@ def commented(
     lines = [HEAD.format(path=one_line(path)).rstrip()]
     if header:
         lines.append(f"# The columns of your file: {one_line(', '.join(header))}.")
+    delay, before = f"  # {_delay(model)}: {{value: 0.01, unit: s}}  # see delays", ""
     for line in write_model(model).splitlines():
         part = line.split(":")[0]
         if part in COMMENTS and not line.startswith(" "):
+            lines += [delay] if before == "parameters" and not model.delays else []
             lines += ["", *(f"# {text}" for text in COMMENTS[part].split("\n"))]
+            before = part
         lines.append(line)
     lines += ["", "# Optional parts: uncomment those you need."]
     examples = _examples(model, columns)
@@ -125,6 +128,13 @@ def _examples(model: PhysicsModel, columns: Mapping[str, str] | None) -> dict[st
     return {
         "initial_state": f"{{{state}: 0.5}}",
         "columns": f"{{{', '.join(f'{name}: {near}' for name, near in columns.items())}}}",
-        "delays": f"{{{driven}: {next(iter(model.parameters))}}}",
+        "delays": f"{{{driven}: {_delay(model)}}}",
         "simulation": "{hold: foh, substeps: 4}",
     }
+
+
+def _delay(model: PhysicsModel) -> str:
+    """Return a name for the delay of the first input that no quantity of the model has."""
+    name = f"tau_{next(iter(model.inputs))}"
+    taken = {*model.parameters, *model.states, *model.inputs, *model.outputs}
+    return name if name not in taken else f"{name}_delay"

@@ -9,6 +9,7 @@ from sklearn_pgnn.diagnosis.result import (
     Rival,
     Tried,
 )
+from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.diagnosis.verdict import Remaining
 from sklearn_pgnn.estimation.candidate import Candidate
@@ -31,5 +32,6 @@ __all__ = [
     "RetunedParameter",
     "Rival",
     "Separation",
+    "Structure",
     "Tried",
 ]

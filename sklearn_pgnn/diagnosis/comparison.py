@@ -6,6 +6,7 @@ from sklearn_pgnn.diagnosis.size import (
     differs_from_none,
     leaves_something,
     overdispersion_along,
+    says_more_than_bounds,
 )
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
@@ -46,6 +47,17 @@ class Comparison:
         held_out = self.fitter.held_out
         evidence = self.criterion.evidence(held_out(without), held_out(with_))
         return evidence / self._overdispersion(without, with_)
+
+    def separation(self, one: FittedHypothesis, other: FittedHypothesis) -> float:
+        """Return how surely the second of two rivals is likelier; the same with opposite sign.
+
+        Nothing is said where the one that windows prefer has the worse free run beyond chance.
+        """
+        pairs = (one, other), (other, one)
+        less = max(self._overdispersion(*pair) for pair in pairs)
+        before, after = self.fitter.held_out(one), self.fitter.held_out(other)
+        told = self.criterion.separation(before, after, less)
+        return 0.0 if told and self.runs_worse(*pairs[told < 0.0]) else told
 
     def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         """Return the evidence for the second of two hypotheses, each with a disturbance.
@@ -112,6 +124,7 @@ class Comparison:
         return all(
             differs_from_none(problem, with_, cause, alpha)
             and leaves_something(problem, with_, cause, alpha)
+            and says_more_than_bounds(self.fitter, with_, cause)
             for cause in causes
         )
 

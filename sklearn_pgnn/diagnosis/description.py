@@ -7,27 +7,19 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sklearn_pgnn.diagnosis.known_terms import known_terms
 from sklearn_pgnn.diagnosis.trees import boosted_trees, groups_of
-from sklearn_pgnn.diagnosis.unexplained import MissingPart, Proposal, smoothed_samples
+from sklearn_pgnn.diagnosis.unexplained import (
+    MissingPart,
+    Proposal,
+    hidden_input,
+    smoothed_samples,
+)
 from sklearn_pgnn.estimation.budgets import FOLDS, SAMPLES
 from sklearn_pgnn.estimation.fitted_records import as_judged
 from sklearn_pgnn.estimation.problem import EstimationProblem
 
 
 def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
-    """Describe what is missing.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    proposal : Proposal
-        The formula that was chosen.
-
-    Returns
-    -------
-    MissingPart
-        The description.
-    """
+    """Describe what is missing."""
     effect, hidden, fit = proposal.effect, proposal.hidden, proposal.trial.fit
     table = smoothed_samples(problem, fit.model, hidden)
     text = " ".join(effect.terms)
@@ -41,8 +33,8 @@ def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
     model = as_judged(problem, fit)
     error = proposal.trial.times_noise
     known = known_terms(problem.prior, effect)
-    course = hidden.values
-    return MissingPart(effect.target, quantities, share, effect, error, model, course, known)
+    left = hidden_input(problem, proposal.trial, effect.target).values
+    return MissingPart(effect.target, quantities, share, effect, error, model, left, known)
 
 
 def _explained(columns, values, groups) -> float:

@@ -11,6 +11,7 @@ from sklearn_pgnn.diagnosis.unexplained import (
     propose,
     propose_again,
 )
+from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
@@ -159,12 +160,16 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
     """Return whether a formula explains all, and as much more simply or clearly more.
 
     The causes are given as hypotheses to which they are added one by one. A formula that leaves
-    structure does not replace them, since named causes are easier to interpret. Nor is it simpler
-    if some of the causes explain as much with no more parameters. Each of its terms is chosen from
-    a library, as a cause is from the catalogue.
+    structure, or much and not far less than they do, does not replace them: named causes are easier
+    to read. Nor is it simpler if some of the causes explain as much with no more parameters. Each
+    of its terms is chosen from a library, as a cause is from the catalogue.
     """
     trial, final = formula.trial, steps[-1]
     if search.compare.refutes(final, trial):
+        return False
+    left, less = (search.fitter.held_out(each).windows for each in (final, trial))
+    explained = explained_share(left, less)
+    if search.compare.leaves_much(trial) and explained < 1.0 - 1.0 / MUCH**2:
         return False
     if search.compare.is_nameable(trial) and search.has_structure(trial):
         return False
@@ -173,6 +178,5 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
         as_simple = (step for step in steps if step.hypothesis.n_parameters <= count)
         if all(search.compare.refutes(trial, step) for step in as_simple):
             return True
-    left, less = (search.fitter.held_out(each).windows for each in (final, trial))
-    more = explained_share(left, less) >= search.criterion.smallest_share
+    more = explained >= search.criterion.smallest_share
     return more and search.compare.refutes(trial, final)

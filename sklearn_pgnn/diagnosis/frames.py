@@ -17,8 +17,8 @@ def causes_frame(diagnosis) -> pd.DataFrame:
     -------
     DataFrame
         Rank of the cause, its effect and target, a parameter with its value, 95 % interval and
-        unit, the reduction of the error by the cause [%], its probability, and the candidates it
-        is confused with.
+        unit, the reduction of the error by the cause [%], its probability (NaN where it was
+        not tested against the rest), and the candidates it is confused with.
 
     Examples
     --------
@@ -36,6 +36,7 @@ def causes_frame(diagnosis) -> pd.DataFrame:
         worth = {
             "gain_percent": cause.gain,
             "probability": cause.probability,
+            "tested": cause.tested,
             "confused_with": ", ".join(f"{r.effect} of {r.target}" for r in cause.confused_with),
         }
         rows += [{**about, **size, **worth} for size in _sizes(cause)]
@@ -44,7 +45,7 @@ def causes_frame(diagnosis) -> pd.DataFrame:
 
 _ABOUT = ("cause", "effect", "target")
 _SIZE = ("parameter", "value", "low", "high", "unit")
-_WORTH = ("gain_percent", "probability", "confused_with")
+_WORTH = ("gain_percent", "probability", "tested", "confused_with")
 
 
 def _sizes(cause) -> list[dict]:
@@ -106,9 +107,10 @@ def gain_frame(diagnosis) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        By output: root mean square errors on held-out windows of the model as given, re-tuned and
-        extended, the noise, the share of the error power that is explained with its 95 % interval,
-        the errors of the same models in free run over whole records, and the unit of the errors.
+        By output: root mean square errors on held-out windows of the model as given, re-tuned,
+        extended, and with the formula where there is one, the noise, the share of the error power
+        that is explained with its 95 % interval, the errors of the same models in free run over
+        whole records, and the unit of the errors.
 
     Examples
     --------
@@ -126,6 +128,7 @@ def gain_frame(diagnosis) -> pd.DataFrame:
             "prior": gain.prior,
             "refitted": gain.refitted,
             "extended": gain.extended,
+            "formula": gain.formula,
             "noise": gain.noise,
             "explained_share": gain.explained_share,
             "low": gain.low,
@@ -133,6 +136,7 @@ def gain_frame(diagnosis) -> pd.DataFrame:
             "free_run_prior": run.prior,
             "free_run_refitted": run.refitted,
             "free_run_extended": run.extended,
+            "free_run_formula": run.formula,
             "unit": gain.unit,
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("output")

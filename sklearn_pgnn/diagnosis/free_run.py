@@ -1,5 +1,6 @@
 """Free-run simulation of the records: the models simulated without restarts."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,9 +20,11 @@ class FreeRunError:
     prior, refitted, extended : float
         Root mean square error of the prior, the re-tuned prior and the extended model; infinite
         where a simulation becomes non-finite.
+    formula : float, default=nan
+        That of the model with the causes and the formula; not a number where there is none.
     tells : bool, default=True
-        Whether the re-tuned prior or the extended model is nearer to the records than their mean
-        is. Where neither is, as for a chaotic or unstable motion, the free run is not informative.
+        Whether any re-tuned model is nearer to the records than their mean is. Where none is, as
+        for a chaotic or unstable motion, the free run is not informative.
 
     Examples
     --------
@@ -33,48 +36,21 @@ class FreeRunError:
     prior: float
     refitted: float
     extended: float
+    formula: float = math.nan
     tells: bool = True
 
 
 def free_runs(records: DiagnosisRecords, which: str) -> list[Simulation]:
-    """Simulate every record in free run, from the initial state found with the extended model.
-
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records.
-    which : {"prior", "refitted", "extended"}
-        The model.
-
-    Returns
-    -------
-    list of Simulation
-        States and outputs of every record.
-    """
+    """Simulate every record in free run by one of the models, from its own initial states."""
     windows, model = records.windows, records.fits[which].model
-    states = list(records.fits["extended"].model.states)
-    own = [states.index(state) for state in model.states]
     return [
-        free_run(model, windows, a, b, start[own])
-        for (a, b), start in zip(pairwise(windows.bounds), records.starts, strict=True)
+        free_run(model, windows, a, b, start)
+        for (a, b), start in zip(pairwise(windows.bounds), records.starts[which], strict=True)
     ]
 
 
 def free_run_errors(records: DiagnosisRecords, tells: np.ndarray) -> dict[str, FreeRunError]:
-    """Return the free-run errors of all models over all records.
-
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records.
-    tells : ndarray of shape (n_outputs,)
-        Whether the free run of an output is informative.
-
-    Returns
-    -------
-    dict of str to FreeRunError
-        Errors by output.
-    """
+    """Return the free-run errors of all models over all records, by output."""
     errors = {which: _errors(records, which) for which in records.fits}
     outputs = records.fits["prior"].model.outputs
     return {

@@ -1,8 +1,7 @@
 """The steps of a diagnosis: from records to what is missing and what is left."""
 
 import math
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,7 +24,7 @@ from sklearn_pgnn.estimation.problem import (
     with_hold,
     with_substeps,
 )
-from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
+from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.stretches import is_long, on_stretches
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect
@@ -33,6 +32,8 @@ from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
+from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.wiring import Rewired, find_wiring
 from sklearn_pgnn.simulation.record_windows import enough_substeps, speed_in_windows
 from sklearn_pgnn.simulation.substeps import Steps, given_steps
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -62,6 +63,18 @@ class Findings:
     proposal: Proposal | None
     structure: Structure | None
     replaced: SearchResult | None = None
+
+    @property
+    def of_wiring(self) -> tuple[Finding, ...]:
+        """What the records show of the wiring, before any physics."""
+        wiring = self.search.wiring
+        return () if wiring is None else (wiring.finding(self.search.fitter.problem.prior),)
+
+    @property
+    def trials(self) -> dict[str, FittedHypothesis]:
+        """The re-tuned prior, the model with the causes, and the one with the formula, if any."""
+        trials = {"refitted": self.result.base, "extended": self.result.final}
+        return trials if self.proposal is None else {**trials, "formula": self.proposal.trial}
 
     @property
     def remaining(self) -> Remaining:
@@ -109,6 +122,7 @@ class Investigation:
     searched: Findings | None = None
     search: Search | None = None
     whole: EstimationProblem | None = None
+    wiring: Rewired | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
         """Search with one hold of the inputs, and with the other if the records support it.
@@ -125,15 +139,19 @@ class Investigation:
         Findings
             What was found.
         """
+        self.progress.begin("wiring")
+        with self.progress.kept():
+            self.wiring = find_wiring(self.model, self.records, each_step=self.progress.tick)
         self.searched = self._search(self._fitter(hold))
-        with suppress(TimeIsUp):
-            if not is_told and self.progress.ended is None:
+        if not is_told and self.progress.ended is None:
+            with self.progress.kept():
                 self.searched = self._try_slopes(self.searched)
-        self.found = self._judge_on_all(self.searched)
-        with suppress(TimeIsUp):
-            if self.progress.ended is None:
+        with self.progress.kept():
+            self.found = self._judge_on_all(self.searched)
+        if self.found is not None and self.progress.ended is None:
+            with self.progress.kept():
                 self.found = self._in_fine_steps(self.found)
-        return self.found
+        return self.so_far()
 
     def so_far(self) -> Findings:
         """Return what was found, by an unfinished search if there is no finished one."""
@@ -142,8 +160,19 @@ class Investigation:
                 if self.search is None:
                     raise LookupError("no search has begun")
                 self.searched = Findings(self.search, self.search.so_far(), None, None)
-            self.found = self._judge_on_all(self.searched)
+            with self.progress.kept():
+                self.found = self._judge_on_all(self.searched)
+            self.found = self.found or self.searched
         return self.found
+
+    def from_the_best(self) -> Iterator[Findings]:
+        """Yield what was found, then ever less of it: without the formula, without the causes."""
+        found = self.so_far()
+        yield found
+        causes = replace((found.replaced or found.result), complete=False)
+        yield Findings(found.search, causes, None, found.structure)
+        nothing = SearchResult(causes.base, [], {}, alone=causes.alone, complete=False)
+        yield Findings(found.search, nothing, None, None)
 
     def _fitter(self, hold: str) -> HypothesisFitter:
         """Return the fitter with the user's window length, else with one selected from records."""
@@ -154,15 +183,33 @@ class Investigation:
             self.whole = problem
             problem, records = on_stretches(problem, records, self.options)
         self.progress.begin("window length")
-        if self.options.get("window_length") is None:
+        if self.wiring is not None:
+            fitter = self._as_wired(self.wiring.wirings[0].apply(self.model), problem, records)
+        elif self.options.get("window_length") is None:
             fitter = select_windows(problem, self.progress)
         else:
             fitter = HypothesisFitter(problem, self.progress)
         check_prior(fitter, [record.name for record in records])
         return self._in_enough_steps(fitter)
 
+    def _as_wired(
+        self, wired: PhysicsModel, problem: EstimationProblem, records: tuple[Record, ...]
+    ) -> HypothesisFitter:
+        """Return the fitter of the model as given, on the windows and steps that suit it wired."""
+        hold = problem.windows.hold
+        other = build_problem(wired, records, hold=hold, **self.options)
+        if self.options.get("window_length") is None:
+            other = select_windows(other, self.progress).problem
+        problem = replace(problem, min_samples=other.min_samples)
+        problem = recut(problem, other.scales.window) or problem
+        if not self._steps_are_told:
+            problem = with_substeps(problem, other.windows.substeps)
+        return HypothesisFitter(problem, self.progress)
+
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
         """Return the fitter with integration steps as the prior needs them, stable ones if told."""
+        if self.wiring is not None:
+            return fitter
         windows, base, method = fitter.problem.windows, fitter.base().fit, self._method
         fast = speed_in_windows(base.model, windows, base.evaluation)
         if self._steps_are_told:
@@ -218,18 +265,18 @@ class Investigation:
             asked.has_structure,
             formulas.is_law,
             given,
+            self.wiring,
         )
         searched = search.run(begin)
         result, proposal, structure = searched, None, None
-        try:
-            if self.progress.ended is None:
-                left = search.compare.leaves_what_may_depend(result.final)
-                structure = asked.of(result.final) if left else None
+        if self.progress.ended is None:
+            result = replace(searched, complete=False)  # unless a formula can be looked for
+            with self.progress.kept():
+                left = search.compare.leaves_what_may_depend(searched.final)
+                structure = asked.of(searched.final) if left else None
                 has_structure = structure is not None and structure.is_significant
                 result, proposal = formulas.choose(search, searched, has_structure)
                 structure = asked.of(result.final) if left or proposal else None
-        except TimeIsUp:
-            result = replace(result, complete=False)
         replaced = searched if len(result.steps) < len(searched.steps) else None
         return Findings(search, result, proposal, structure, replaced)
 
@@ -237,23 +284,24 @@ class Investigation:
         """Judge on all records what was found on stretches of them."""
         if self.whole is None:
             return found
+        self.progress.counts = False  # a result there must be
         search, proposal, structure = found.search, None, None
         fitter = self._like(search.fitter.problem, self.whole)
         asked = _Structures(fitter, search.criterion)
-        result = search.judge_on(found.result, fitter, asked.has_structure)
-        try:
-            if self.progress.ended is None:
+        result = judged = search.judge_on(found.result, fitter, asked.has_structure)
+        if self.progress.ended is None:
+            result = replace(judged, complete=False)
+            with self.progress.kept():
                 if found.proposal is not None:
                     proposal = FormulaSelection.on_other_records(
-                        search, result.final, found.proposal
+                        search, judged.final, found.proposal
                     )
                 if proposal is None and found.replaced is not None:
                     causes = replace(found, result=found.replaced, proposal=None, replaced=None)
                     return self._judge_on_all(causes)
-                if search.compare.leaves_what_may_depend(result.final) or proposal:
-                    structure = asked.of(result.final)
-        except TimeIsUp:
-            result = replace(result, complete=False)
+                if search.compare.leaves_what_may_depend(judged.final) or proposal:
+                    structure = asked.of(judged.final)
+                result = judged
         return Findings(search, result, proposal, structure)
 
     def _in_fine_steps(self, found: Findings) -> Findings:
@@ -337,6 +385,12 @@ class _Structures:
         if key not in self._known or self._known[key][0] is not trial.fit:
             self.fitter.progress.begin("structure of what is left")
             rule = self.criterion
-            found = find_structure(self.fitter.problem, trial, rule.alpha, rule.smallest_share)
+            found = find_structure(
+                self.fitter.problem,
+                trial,
+                rule.alpha,
+                rule.smallest_share,
+                self.fitter.progress.tick,
+            )
             self._known[key] = trial.fit, found
         return self._known[key][1]

@@ -10,9 +10,11 @@ from sklearn_pgnn.estimation.same_in_equations import (
     expressed_parameters,
     same_causes,
 )
+from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
 from sklearn_pgnn.physics.effects.formula import Formula
+from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 
 #: largest relative difference between coefficients that count as in proportion: what lies beyond is
@@ -46,9 +48,10 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
     ...     print(known.terms, known.effect, known.target)
     ('v*abs(v)',) quadratic_drag v
     """
+    formula = _part_within(model, formula)
     terms = tuple(replace(formula, terms=(t,), coefficients=(1.0,)) for t in formula.terms)
     found: list[KnownTerms] = []
-    expressed = expressed_parameters(model, terms)
+    expressed = expressed_parameters(model, terms) if terms else {}
     for name in sorted(expressed, key=lambda name: -np.count_nonzero(expressed[name])):
         own = np.flatnonzero(expressed[name])
         told = tuple(formula.terms[i] for i in own)
@@ -59,6 +62,22 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
         if term not in _names(found):
             found.append(KnownTerms((term,), effect.id, effect.target))
     return tuple(found)
+
+
+def _part_within(model: PhysicsModel, formula: Formula) -> Formula:
+    """Return the terms that a model can hold; one with a state that a cause added has no name."""
+    pairs = zip(formula.terms, formula.coefficients, strict=True)
+    kept = [(term, value) for term, value in pairs if _can_hold(model, term)]
+    terms, coefficients = zip(*kept, strict=True) if kept else ((), ())
+    return replace(formula, terms=terms, coefficients=coefficients)
+
+
+def _can_hold(model: PhysicsModel, term: str) -> bool:
+    try:
+        parse_expression(term, (*model.states, *model.inputs))
+    except ModelError:
+        return False
+    return True
 
 
 def _names(found: list[KnownTerms]) -> set[str]:

@@ -1,9 +1,11 @@
 """Successive fits of candidates: from a few steps on few samples to a fit on all windows."""
 
+from itertools import combinations
+
 import numpy as np
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
-from sklearn_pgnn.estimation.budgets import KEPT
+from sklearn_pgnn.estimation.budgets import KEPT, SETS
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -61,6 +63,39 @@ class Ladder:
             self._learn(ground, fits[-1])
             self.step(fits[-1])
         return usable(fits)
+
+    def known_fits(self, current: FittedHypothesis) -> list[SubsampleFit]:
+        """Return the first fits beside the causes that were made already, nearest first."""
+        ground, fitter = self.fitter.subsample(current), self.fitter
+        allowed = (c for c in self.candidates if current.hypothesis.allows(c))
+        known = (c for c in allowed if np.isfinite(fitter.known_squares(ground, c)))
+        return usable([fitter.first_fit(ground, c) for c in known])
+
+    def few_sets(self, most: int) -> list[SubsampleFit]:
+        """Fit all sets of up to so many candidates, the small ones first; none where they are many.
+
+        A set begins with the best of those with one candidate less, and every one of its candidates
+        begins anew beside the others.
+        """
+        counts = range(1, min(most, len(self.candidates)) + 1)
+        sets = [frozenset(c) for n in counts for c in combinations(self.candidates, n)]
+        if len(sets) > SETS:
+            return []
+        self.progress.begin("all sets", len(sets))
+        found = {frozenset[Effect](): self.fitter.subsample(self.fitter.base())}
+        for chosen in sets:
+            less = [(found[chosen - {c}], c) for c in chosen if chosen - {c} in found]
+            fits = [self._begin_anew(*each) for each in less if each[0].hypothesis.allows(each[1])]
+            if usable(fits):
+                found[chosen] = self.step(usable(fits)[0])
+        return list(found.values())[1:]
+
+    def _begin_anew(self, ground: SubsampleFit, cause: Effect) -> SubsampleFit:
+        """Fit a cause beside others, and these again from their starts."""
+        fit = self.fitter.converge(self.fitter.first_fit(ground, cause))
+        for other in ground.hypothesis.causes if fit.fit.usable else ():
+            fit = self.fitter.restart(fit, other)
+        return fit
 
     def _learn(self, ground: SubsampleFit, fit: SubsampleFit) -> None:
         """Note what a candidate leaves as the only cause, or what it changes beside others."""

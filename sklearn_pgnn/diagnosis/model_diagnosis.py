@@ -1,5 +1,7 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
+import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -12,7 +14,7 @@ from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
-from sklearn_pgnn.diagnosis.noise_units import measured_alike
+from sklearn_pgnn.diagnosis.noise_units import error_together
 from sklearn_pgnn.diagnosis.options import (
     check_detectability,
     check_max_causes,
@@ -44,8 +46,9 @@ from sklearn_pgnn.estimation.possible_causes import (
     warn_of_taken_names,
 )
 from sklearn_pgnn.estimation.problem import check_records
-from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
-from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimators.progress import with_progress
+from sklearn_pgnn.exceptions import DiagnosisWarning, RecordWarning
 from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
 from sklearn_pgnn.experiment_design.separation import (
@@ -132,17 +135,19 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ``"best candidate so far: "`` names the causes that leave the least error until then.
         `detectability` calls it, too, after every effect.
     time_limit : float, optional
-        Time [s] after which search, formula, finer integration steps, quality of the records and
-        separating experiments stop, at the next step of a fit, and the best so far is returned.
-        Whether every cause found by then is named beside the others is tested for a tenth of the
-        limit more. What no result goes without is computed in any case: the records are read, the
-        prior is re-tuned, and what was found is fitted on all records, with its held-out error and
-        its intervals.
+        Time [s] for everything, from the call of `fit` on. The search leaves a fifth of it, at most
+        a minute, for what follows: whether what it has found until then is named beside the other
+        causes, errors and intervals. It stops at the next step of a fit, what it holds is
+        provisional, and fits that the result needs end after two steps where all the time is up.
+    verbose : int, default=0
+        Whether to show the stage and the best so far: in a terminal by a bar, elsewhere, as in a
+        notebook or a file, by a line at every stage and every few seconds.
 
     Attributes
     ----------
-    verdict_ : {"model_adequate", "cause_named", "ambiguous", "unexplained"}
-        The verdict.
+    verdict_ : {"cause_named", "ambiguous", "unexplained", "provisional", "predicts_nothing", \
+            "nothing_found", "model_adequate"}
+        The verdict, see :ref:`left`.
     causes_ : tuple of NamedCause
         The missing causes, the most important first, each with its probability and those of its
         rivals.
@@ -155,15 +160,17 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     parameters_ : dict of str to RetunedParameter
         The prior's free parameters in the extended model, the formula included if there is one.
     gain_ : dict of str to Gain
-        Held-out error of every output for the prior as given, re-tuned, and extended, over windows
-        and in free run.
+        Held-out error of every output for the prior as given, re-tuned, extended, and, where there
+        is a formula, with it, over windows and in free run.
     free_run_ : dict of str to FreeRunError
-        Error of every output over whole records: .prior, .refitted and .extended, simulated from
-        `initial_states_` without restarts; infinite where a simulation becomes non-finite.
+        Error of every output over whole records: .prior, .refitted, .extended and .formula,
+        simulated without restarts, each from initial states found as in `initial_states_`;
+        infinite where a simulation becomes non-finite.
         Its .tells is false where the free run of a chaotic or unstable machine is not informative.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         State of the extended model at the start of every trajectory: as given in X, for `settled`
-        states as the first input determines it, and otherwise as fitted in the first window.
+        states as the first input determines it, and otherwise as fitted to the trajectory's
+        beginning: its first window, or twice as long, and so on, while that makes it more certain.
     window_ : float
         Window length used [s].
     substeps_ : int
@@ -173,8 +180,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     remaining_ : Remaining
         The residuals that the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured
         noise of a sensor, or an external disturbance: nothing that was recorded predicts it) and
-        ``"structure"``, with .times_noise of every output and the quantities in .depends_on;
-        .runs_away if the model predicts nothing, see `Remaining`.
+        ``"structure"``, with .times_noise of every output, and in .law where a law without a name
+        acts, what it depends on, its memory [s] and the share of the error that it explains;
+        .predicts_nothing if no output is predicted better than without a model.
     discrepancy_ : MissingPart or None
         A missing part that is not in the catalogue: where it acts, what it depends on, and a
         formula for it.
@@ -192,7 +200,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     complete_ : bool
         Whether the search ran to completion; otherwise the results are the best so far.
     tested_ : bool
-        Whether every cause was tested beside the others; only a time limit may prevent that.
+        Whether every cause was tested against the rest of the catalogue; otherwise, after an early
+        end, the causes are provisional and have no probabilities.
     records_ : DiagnosisRecords
         The records and the fits of the models, for plots.
     n_features_in_ : int
@@ -216,6 +225,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     'coulomb_friction'
     """
 
+    #: reports stages while a method runs
+    _show: Callable[..., None] | None = None
+
     def __init__(
         self,
         model: PhysicsModel,
@@ -234,6 +246,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         random_state=0,
         progress=None,
         time_limit=None,
+        verbose=0,
     ):
         self.model = model
         self.catalogue = catalogue
@@ -250,6 +263,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.progress = progress
         self.time_limit = time_limit
+        self.verbose = verbose
 
     def __sklearn_is_fitted__(self):
         """Return whether the diagnosis has a verdict."""
@@ -259,6 +273,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return tags: X may hold NaN, and scores on random data are poor."""
         return tags_of_records(super().__sklearn_tags__())
 
+    @with_progress
     @one_thread_each()
     def fit(self, X, y):
         """Diagnose the model on records.
@@ -283,17 +298,19 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
         Notes
         -----
-        If the search ends with a program error, or is interrupted, the best result so far is kept
-        before the error is raised again: there is a result if there is a `verdict_`, and `stopped_`
-        says why the search ended.
+        A stage that fails once there is a result is left out: a `DiagnosisWarning` is issued in
+        place of the error, and `stopped_` says what failed. An interrupt is raised again after the
+        best result so far is kept: there is one if there is a `verdict_`.
         """
         check_model(self.model)
         check_options(self.hold, self.alpha, self.smallest_share)
-        check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
+        progress = Progress(self._show, self.time_limit)
+        progress.begin("reading the records")
+        check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         read_noise_std(self.noise_std, list(self.model.outputs))
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         whole = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, whole)
@@ -302,16 +319,28 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._single_output = np.asarray(y).ndim == 1
         self._forget()
         said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
-        investigation = self._investigation(records)
+        investigation = self._investigation(records, progress)
         try:
             investigation.run(hold_of(self.model, said), is_told=said is not None)
-            self._keep(investigation)
+            self._keep_best(investigation)
             self._conclude(investigation, whole)
         except (Exception, KeyboardInterrupt) as error:
             self._rescue(investigation, error)
             raise
         self._warn_of_clocks(whole)
+        self._warn_of_failure(progress)
         return self
+
+    def _warn_of_failure(self, progress: Progress) -> None:
+        """Warn if a stage failed; what was found without it is kept."""
+        if progress.failed is not None:
+            message = (
+                f"a stage of the diagnosis failed ({self.stopped_}); the results without it are "
+                f"kept, and stopped_ says so. Remedy: report it as a bug of sklearn-pgnn."
+            )
+            warning = DiagnosisWarning(message)
+            warning.__cause__ = progress.failed
+            warn_user(warning, DiagnosisWarning)
 
     def _warn_of_clocks(self, records) -> None:
         """Warn if only the extended model depends on time and a record does not begin at t = 0."""
@@ -332,18 +361,18 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             if name.endswith("_") and name not in ("n_features_in_", "feature_names_in_"):
                 delattr(self, name)
 
-    def _investigation(self, records: tuple[Record, ...]) -> Investigation:
+    def _investigation(self, records: tuple[Record, ...], progress: Progress) -> Investigation:
         """Return the search, ready to run on records."""
         catalogue = read_catalogue(self.catalogue)
         warn_of_taken_names(self.model, catalogue, self.targets)
         return Investigation(
             self.model,
             records,
-            possible_causes(self.model, catalogue, self.targets),
+            possible_causes(self.model, catalogue, self.targets, progress.tick),
             self.alpha,
             self.smallest_share,
             self.max_causes,
-            Progress(self.progress, self.time_limit),
+            progress,
             {
                 "window_length": self.window_length,
                 "noise_std": self.noise_std,
@@ -355,25 +384,32 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def _rescue(self, investigation: Investigation, error: BaseException) -> None:
         """Keep the best so far where an error ends the fit."""
-        investigation.progress.end(_said(error))
+        investigation.progress.end(error)
         with suppress(Exception):  # what has failed once may fail again: the first error is raised
             if not hasattr(self, "verdict_"):
-                self._keep(investigation)
+                self._keep_best(investigation)
             self.stopped_: str | None = investigation.progress.ended
 
-    def _keep(self, investigation: Investigation) -> None:
-        """Set the fitted attributes from the best so far; the verdict is set last."""
+    def _keep_best(self, investigation: Investigation) -> None:
+        """Keep the best of what was found of which all results can be computed."""
         progress = investigation.progress
         progress.counts = False
         progress.begin("held-out error")
-        found = investigation.so_far()
+        names = [record.name for record in investigation.records]
+        for found in investigation.from_the_best():
+            with progress.kept():
+                return self._keep(found, names, progress)
+        raise progress.failed or LookupError("nothing was found")
+
+    def _keep(self, found: Findings, names: list[str], progress: Progress) -> None:
+        """Set the fitted attributes from what was found; the verdict is set last."""
         fitter, result = found.search.fitter, found.result
         problem, final = fitter.problem, result.final
         errors = parameter_errors(problem, final)
-        proposal = found.proposal
+        proposal, trials = found.proposal, found.trials
         part = None if proposal is None else describe(problem, proposal)
         self.causes_ = name_causes(found.search, result, errors)
-        self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
+        self.gain_ = measure_gain(fitter, trials, _seed(self.random_state))
         if proposal is not None:  # parameters are those of the model with the formula
             errors = parameter_errors(problem, proposal.trial)
         whole = final if proposal is None else proposal.trial
@@ -384,34 +420,37 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.substeps_, self.hold_ = problem.windows.substeps, problem.windows.hold
         tried = [Tried(c.id, c.target, *share) for c, share in result.alone.items()]
         self.candidates_ = tuple(sorted(tried, key=lambda candidate: candidate.left))
-        names = [record.name for record in investigation.records]
-        self.records_ = keep_records(fitter, result.base, final, names)
-        measured = part and measured_alike(part, self.gain_, self.records_)
-        self.discrepancy_: MissingPart | None = measured
-        self.initial_states_ = self.records_.starts
-        tells = fitter.held_out(result.base).tells | fitter.held_out(final).tells
-        self.free_run_ = free_run_errors(self.records_, tells)
-        self.data_quality_: tuple[Finding, ...] = ()
+        self._keep_runs(found, names, part)
+        self.data_quality_: tuple[Finding, ...] = found.of_wiring
         self.separations_: tuple[Separation, ...] = ()
         self.unusable_, self.complete_ = fitter.unusable, result.complete
-        self.tested_, self.stopped_ = result.tested, progress.ended
+        self.tested_, self.stopped_ = result.complete, progress.ended
         self.remaining_ = found.remaining
         self.verdict_ = found.verdict  # the last: it says that all is there
+
+    def _keep_runs(self, found: Findings, names: list[str], part: MissingPart | None) -> None:
+        """Set the records, and what the models leave of them."""
+        fitter, trials = found.search.fitter, found.trials
+        fits = {"prior": fitter.prior, **{which: trial.fit for which, trial in trials.items()}}
+        causes = found.result.final.hypothesis.order
+        self.records_ = keep_records(fitter.problem, fits, causes, names)
+        error = math.nan if part is None else error_together(self.gain_, self.records_, "formula")
+        self.discrepancy_ = part and replace(part, error=error)
+        self.initial_states_ = self.records_.starts["extended"]
+        tells = np.any([fitter.held_out(trial).tells for trial in trials.values()], axis=0)
+        self.free_run_ = free_run_errors(self.records_, tells)
 
     def _conclude(self, investigation: Investigation, whole: tuple[Record, ...]) -> None:
         """Compute the remaining results, as far as the time allows."""
         progress, found = investigation.progress, investigation.so_far()
         failures = found.search.fitter.failures
-        progress.counts = True
-        with suppress(TimeIsUp):
-            for stage, what in (
-                ("quality of the records", lambda: self._check_data_quality(found, whole)),
-                ("experiments that separate", lambda: self._separate(progress)),
-            ):
-                if progress.ended is None:
-                    progress.begin(stage)
-                    with failures.tolerate(stage, stage, ""):
-                        what()
+        for stage, what in (
+            ("quality of the records", lambda: self._check_data_quality(found, whole)),
+            ("experiments that separate", lambda: self._separate(found.search.criterion, progress)),
+        ):
+            with progress.spare_time(), failures.tolerate(stage, stage, ""):
+                progress.begin(stage)
+                what()
         self.unusable_, self.stopped_ = failures.entries(), progress.ended
 
     def _check_data_quality(self, found: Findings, whole: tuple[Record, ...]) -> None:
@@ -428,21 +467,21 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         for finding in findings:  # what was found until the time is up is kept
             self.data_quality_ = (*self.data_quality_, finding)
 
-    def _separate(self, progress: Progress) -> None:
+    def _separate(self, criterion: SelectionCriterion, progress: Progress) -> None:
         """Find experiments that separate each cause from its equivalents and its next rival."""
         try:
-            self._separate_all(progress)
+            self._separate_all(criterion, progress)
         finally:  # also of those that the time sufficed for
             self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
 
-    def _separate_all(self, progress: Progress) -> None:
+    def _separate_all(self, criterion: SelectionCriterion, progress: Progress) -> None:
         for cause in self.causes_:
             mine, others = self._cause(cause), cause.confused_with
             same = [o for o in others if are_same(self.records_, mine, self._cause(o))]
             rest = [other for other in others if other not in same]
             for other in [*same, *rest[:1]]:
                 theirs, tick = self._cause(other), progress.tick
-                whole = separate(self.records_, mine, theirs, self._criterion(), each_step=tick)
+                whole = separate(self.records_, mine, theirs, criterion, each_step=tick)
                 shown = replace(whole, experiments=whole.experiments[:KEPT])
                 self.separations_ = (*self.separations_, shown)
                 progress.step()
@@ -523,6 +562,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         reading("write_report")(self, path)
 
+    @with_progress
     def detectability(
         self,
         effects=None,
@@ -594,13 +634,13 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         candidates = possible_causes(self.model, catalogue, targets)
-        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self.progress)
+        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self._show)
         if verify:
 
             def diagnose(X, y):
-                again = clone(self).set_params(
-                    model=self.extended_model_, catalogue=catalogue, time_column=None, progress=None
-                )
+                settings = {"model": self.extended_model_, "catalogue": catalogue}
+                silent = {"time_column": None, "progress": None, "verbose": 0}
+                again = clone(self).set_params(**settings, **silent)
                 named = again.fit(X, y).causes_
                 return [{c[:2] for c in (pair_of(cause), *cause.confused_with)} for cause in named]
 
@@ -665,13 +705,6 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             The figure and its axes.
         """
         return reading("plot_diagnosis")(self)
-
-
-def _said(error: BaseException) -> str:
-    """Return a short description of what ended a fit."""
-    if isinstance(error, KeyboardInterrupt):
-        return "interrupted"
-    return f"unexpected {type(error).__name__}: {error}"
 
 
 def _seed(random_state) -> int:

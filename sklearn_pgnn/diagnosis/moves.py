@@ -34,7 +34,7 @@ class Moves:
 
         Causes that are then no longer named are dropped, too.
         """
-        while (fewer := self._drop_disturbed(trial, needed)) is not None:
+        while (fewer := self.drop_disturbed(trial, needed)) is not None:
             trial = self.without_needless(fewer)
         return trial
 
@@ -44,7 +44,7 @@ class Moves:
             trial = fewer
         return trial
 
-    def _drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
+    def drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
         """Drop the least needed cause given a disturbance, if more than white noise is left."""
         if not self.compare.is_coloured(current):
             return None
@@ -76,6 +76,11 @@ class Moves:
         """Add the best candidate; every first fit is run to convergence."""
         fits = self.ladder.first_fits(current, self.ladder.candidates)
         yield from self._choose(current, self.ladder.converge(current, fits))
+
+    def add_known(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Add the best of the candidates that were fitted on some samples beside the causes."""
+        fits = self.ladder.known_fits(current)
+        yield from self._choose(current, self.ladder.converge(current, fits[:KEPT])[:1])
 
     def add_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best of the pairs of candidates that are expected to explain most together."""
@@ -159,6 +164,16 @@ class Moves:
             without = self.fitter.fit_all(self.fitter.reduce(ground, cause), current)
             pairs = self.add_pair(without) if without.fit.usable else ()
             yield from (pair for pair in pairs if self.compare.refutes(pair, current))
+
+    def any_of_few_sets(self, current: FittedHypothesis, most: int) -> Iterator[FittedHypothesis]:
+        """Take the preferred one of all sets of few candidates in which every cause is named."""
+        best = current
+        for subsample in self.ladder.few_sets(most):
+            trial = self.fitter.fit_all(subsample, current)
+            if trial.fit.usable and self.compare.is_preferred(trial, best):
+                best = best if self.drop(trial) is not None else trial
+        if best is not current:
+            yield best
 
     def split(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Replace a cause by its special cases where these explain as much with less complexity."""

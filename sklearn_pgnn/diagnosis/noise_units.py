@@ -3,18 +3,15 @@ r"""Errors over held-out windows in units of the noise: the common measure of al
 .. math:: e = \sqrt{\frac{\sum_o n_o (r_o / s_o)^2}{\sum_o n_o (w_o / s_o)^2}}
 
 with the root mean square error :math:`r_o` of output :math:`o` on :math:`n_o` samples, its noise
-:math:`w_o` (the white part of what the extended model leaves), and its scale :math:`s_o` in the
-fit. Of a single output it is :math:`r / w`.
+:math:`w_o`, and its scale :math:`s_o` in the fit. Of a single output it is :math:`r / w`.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from sklearn_pgnn.diagnosis.result import Gain
-from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 
 
@@ -40,7 +37,7 @@ def error_together(gains: Mapping[str, Gain], records: DiagnosisRecords, which: 
         Errors and noise, by output.
     records : DiagnosisRecords
         The records.
-    which : {"prior", "refitted", "extended"}
+    which : {"prior", "refitted", "extended", "formula"}
         The model.
 
     Returns
@@ -61,26 +58,3 @@ def scaled_error(records: DiagnosisRecords, fit: FittedWindows) -> float:
     """Return the root mean square residual of a fitted model over windows, in their scale."""
     with np.errstate(over="ignore"):  # a model that nearly diverges
         return float(np.sqrt(np.nanmean((fit.residual / records.windows.scale) ** 2)))
-
-
-def measured_alike(
-    part: MissingPart, gains: Mapping[str, Gain], records: DiagnosisRecords
-) -> MissingPart:
-    """Return a missing part with its error in the same unit as those of the models.
-
-    Parameters
-    ----------
-    part : MissingPart
-        The missing part, with the error of a fit on all windows.
-    gains : mapping of str to Gain
-        Errors and noise, by output.
-    records : DiagnosisRecords
-        The records and the fits.
-
-    Returns
-    -------
-    MissingPart
-        The missing part.
-    """
-    without = scaled_error(records, records.fits["extended"])
-    return replace(part, error=error_together(gains, records, "extended") * part.error / without)

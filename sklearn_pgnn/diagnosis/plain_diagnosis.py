@@ -49,6 +49,8 @@ def _plain_cause(cause: NamedCause) -> dict:
         "parameters": {name: plain(found) for name, found in cause.parameters.items()},
         "gain_percent": cause.gain,
         "probability": cause.probability,
+        "outside_catalogue": cause.outside,
+        "tested": cause.tested,
         "confused_with": [
             {**plain(other), "equivalent": other[:2] in cause.equivalent}
             for other in cause.confused_with

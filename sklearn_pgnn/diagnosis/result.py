@@ -1,11 +1,13 @@
 """The results of a diagnosis: causes with sizes, parameters, and the gain of the extension."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.size import likelihood_intervals
@@ -16,6 +18,7 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.squares_left import block_squares
+from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -31,7 +34,7 @@ class Rival(NamedTuple):
     target : str
         What it acts on.
     probability : float
-        Probability that it is the cause.
+        Probability that it is the cause; NaN where the search did not finish.
 
     Examples
     --------
@@ -91,7 +94,14 @@ class NamedCause:
     equivalent : tuple of Candidate
         Those in `confused_with` that are equivalent in the equations: no record separates them.
     probability : float
-        Probability that this is the cause, rather than another one of the catalogue or none.
+        Probability that this is the cause, rather than another one of the catalogue or none; NaN
+        where that was not tested.
+    tested : bool
+        Whether the cause was tested against the rest of the catalogue; otherwise, after a search
+        that did not finish, it is provisional.
+    outside : float
+        Least probability that what acts in its place is in no catalogue: much is left beside it, or
+        a law without a name explains as much.
 
     Examples
     --------
@@ -110,10 +120,17 @@ class NamedCause:
     check: str = ""
     equivalent: tuple[Candidate, ...] = ()
     probability: float = 1.0
+    tested: bool = True
+    outside: float = 0.0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the records do not separate the cause from others, with a name or without."""
+        return bool(self.confused_with) or self.outside >= OPEN
 
     def __repr__(self) -> str:
         sizes = (f"{name} {e.value:.4g} {e.unit}".rstrip() for name, e in self.parameters.items())
-        words = [*sizes, f"probability {self.probability:.3g}"]
+        words = [*sizes, f"probability {self.probability:.3g}" if self.tested else "provisional"]
         if self.confused_with:
             words.append(f"confused with {len(self.confused_with)}")
         return f"<NamedCause {self.effect} on {self.target}: {', '.join(words)}>"
@@ -163,15 +180,18 @@ class Gain:
     prior, refitted, extended : float
         Root mean square error of the prior, the re-tuned prior and the extended model.
     noise : float
-        The white part of the residuals of the extended model.
+        The noise of the records, the same that a first look estimates.
     explained_share, low, high : float
-        Share of the prior's error power above the noise that the extension removes, with its
+        Share of the prior's error power above the noise that the last model removes, with its
         95 % interval from bootstrapped windows.
     unit : str
         Unit of the errors.
-    free_run_refitted, free_run_extended : float
+    free_run_refitted, free_run_extended, free_run_formula : float
         Root mean square error in free run, over held-out records, or over the stretches that were
         held out.
+    formula : float, default=nan
+        Root mean square error of the model with the causes and the formula; not a number where
+        there is no formula.
 
     Examples
     --------
@@ -190,6 +210,8 @@ class Gain:
     unit: str = ""
     free_run_refitted: float = math.nan
     free_run_extended: float = math.nan
+    free_run_formula: float = math.nan
+    formula: float = math.nan
 
 
 def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCause, ...]:
@@ -200,10 +222,10 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
         cause = step.hypothesis.causes[-1]
         without, with_ = fitter.held_out(before), fitter.held_out(step)
         rivals = result.rivals[cause]
-        known = cause in result.evidence
-        over_none = result.evidence[cause] if known else search.compare.evidence(before, step)
-        evidence = [*(value for _, value in rivals), over_none]
-        mine, *theirs, _ = search.criterion.probabilities(evidence)
+        outside = result.outside.get(cause, 0.0)
+        mine, *theirs = (
+            (1.0 - outside) * p for p in _probabilities(search, result, cause, (before, step))
+        )
         causes.append(
             NamedCause(
                 effect=cause.id,
@@ -214,13 +236,26 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
                     Rival(other.id, other.target, float(chance))
                     for (other, _), chance in zip(rivals, theirs, strict=True)
                 ),
-                summary=cause.summary,
-                check=cause.check,
+                summary=worded_for(fitter.problem.prior, cause.target, cause.summary),
+                check=worded_for(fitter.problem.prior, cause.target, cause.check),
                 probability=float(mine),
+                tested=result.complete,
+                outside=outside,
             )
         )
         before = step
     return tuple(causes)
+
+
+def _probabilities(search: Search, result: SearchResult, cause, steps) -> list[float]:
+    """Return the probabilities of a cause and of each rival; NaN where they were not compared."""
+    rivals = result.rivals[cause]
+    if not result.complete:
+        return [math.nan] * (1 + len(rivals))
+    known = cause in result.evidence
+    over_none = result.evidence[cause] if known else search.compare.evidence(*steps)
+    mine, *theirs, _ = search.criterion.probabilities([*(value for _, value in rivals), over_none])
+    return [mine, *theirs]
 
 
 def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:
@@ -230,7 +265,9 @@ def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Esti
     if not trial.fit.usable:
         return found
     fitted = {name: errors[name] for name in own.values() if name in free}
-    intervals = likelihood_intervals(fitter, trial, fitted)
+    intervals: dict[str, tuple[float, float]] = {}
+    with fitter.progress.spare_time():
+        intervals = likelihood_intervals(fitter, trial, fitted)
     return {
         field: replace(found[field], low=low, high=high)
         for field, name in own.items()
@@ -258,15 +295,23 @@ def retuned_parameters(
     return table
 
 
-def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> dict[str, Gain]:
-    """Measure the errors before and after extending, on held-out windows and in free run."""
+def measure_gain(
+    fitter: HypothesisFitter, trials: Mapping[str, FittedHypothesis], seed: int
+) -> dict[str, Gain]:
+    """Measure the errors of the prior and of hypotheses, on held-out windows and in free run.
+
+    The last hypothesis leaves the noise, and explains what was found.
+    """
     problem, rng = fitter.problem, np.random.default_rng(seed)
     windows = problem.windows
     counts = windows.sum_blocks(np.isfinite(windows.y).astype(float)).sum(axis=1)
-    held_out = {"refitted": fitter.held_out(result.base), "extended": fitter.held_out(result.final)}
+    held_out, last = (
+        {which: fitter.held_out(trial) for which, trial in trials.items()},
+        [*trials][-1],
+    )
     squares = {"prior": block_squares(problem, fitter.prior).sum(axis=1)}
     squares |= {which: found.block_squares.sum(axis=1) for which, found in held_out.items()}
-    white = np.sqrt(fitter.white_squares(result.final) / np.maximum(counts.sum(axis=0), 1))
+    white = np.sqrt(fitter.white_squares(trials[last]) / np.maximum(counts.sum(axis=0), 1))
     draws = rng.integers(0, len(counts), (DRAWS, len(counts)))
     gains = {}
     for i, output in enumerate(problem.prior.outputs):
@@ -277,14 +322,14 @@ def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> d
             return squares[which][rows, i].sum(axis=-1) / np.where(measured > 0, measured, np.nan)
 
         whole = np.arange(len(counts))
-        share = share_above_noise(power("prior", whole), power("extended", whole), noise)
-        shares = share_above_noise(power("prior", draws), power("extended", draws), noise)
+        share = share_above_noise(power("prior", whole), power(last, whole), noise)
+        shares = share_above_noise(power("prior", draws), power(last, draws), noise)
         low, high = np.nanpercentile(shares, [2.5, 97.5])  # some draws may have measured nothing
         errors = {which: float(scale * np.sqrt(power(which, whole))) for which in squares}
         runs = {f"free_run_{which}": _rms(h.free_run, i, scale) for which, h in held_out.items()}
         gains[output] = Gain(
             **errors,
-            noise=float(scale * noise),
+            noise=float(scale),
             explained_share=float(share),
             low=float(low),
             high=float(high),

@@ -1,12 +1,69 @@
 """Rivals of a cause: candidates that the records do not refute in its place."""
 
-from sklearn_pgnn.diagnosis.comparison import Comparison
+from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder
 from sklearn_pgnn.estimation.equivalence import are_equivalent
-from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, count_parameters, resemble
 from sklearn_pgnn.physics.effect import Effect
+
+#: hypotheses with another candidate in a cause's place, and how surely the cause is likelier
+InPlace = list[tuple[FittedHypothesis, float]]
+
+
+def not_refuted(
+    compare: Comparison, ladder: Ladder, final: FittedHypothesis, cause: Effect
+) -> InPlace:
+    """Return the hypotheses that may replace the accepted one, by another candidate for a cause.
+
+    A candidate with more parameters is no rival: the simpler of two is preferred. Nor is one that
+    the free run contradicts, being worse than that of the re-tuned prior or of the cause.
+    """
+    found = []
+    for trial in ladder.in_place(final, cause):
+        (other,) = own_causes(final, trial)
+        simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
+        stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
+        if simple and stands and not compare.refutes(final, trial):
+            found.append((trial, compare.separation(trial, final)))
+    return found
+
+
+def likelier(final: FittedHypothesis, near: InPlace) -> list[FittedHypothesis]:
+    """Return those that are likelier than the accepted hypothesis, the likeliest first.
+
+    Of two that held-out records do not tell apart, the one that fits all records better is.
+    """
+
+    def fits_better(trial: FittedHypothesis) -> bool:
+        is_simple = trial.hypothesis.complexity <= final.hypothesis.complexity
+        return is_simple and is_clearly_less(trial.fit.objective, final.fit.objective)
+
+    better = [(t, v) for t, v in near if v < 0.0 or (v == 0.0 and fits_better(t))]
+    return [trial for trial, _ in sorted(better, key=lambda one: (one[1], one[0].fit.objective))]
+
+
+def find_rivals(
+    ladder: Ladder, final: FittedHypothesis, cause: Effect, near: InPlace
+) -> list[tuple[Effect, float]]:
+    """Return the candidates that may replace a cause, and how surely the cause is likelier.
+
+    What is a little likelier than the cause, and could not be named in its place, counts as alike.
+    """
+    found: dict[Effect, float] = {}
+    for trial, value in near:
+        (other,) = own_causes(final, trial)
+        found[other] = max(value, 0.0)
+    problem, rest = ladder.fitter.problem, final.hypothesis.without(cause)
+    for other in ladder.candidates:
+        if other != cause and other not in found and rest.allows(other):
+            same = _is_same(ladder.fitter, rest, cause, other)
+            if same or resemble(problem, final.fit.model, cause, other):
+                found[other] = 0.0
+    return [
+        (same, value) for other, value in found.items() for same in (other, *ladder.same[other])
+    ]
 
 
 def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: Effect) -> bool:
@@ -15,45 +72,6 @@ def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: E
         return False
     if any(fitter.models.orders(rest, each) != [rest.plus(each)] for each in (cause, other)):
         return False
-    return are_equivalent(fitter.models.extend(rest), cause, other, retuned=False)
-
-
-def find_rivals(
-    compare: Comparison, ladder: Ladder, final: FittedHypothesis, cause: Effect
-) -> list[tuple[Effect, float]]:
-    """Return the candidates that may replace a cause, and the evidence against each.
-
-    A candidate with more parameters is no rival: the simpler of two is preferred. Nor is one that
-    the free run contradicts, being worse than that of the re-tuned prior or of the cause.
-
-    Parameters
-    ----------
-    compare : Comparison
-        Compares hypotheses.
-    ladder : Ladder
-        Fits candidates.
-    final : FittedHypothesis
-        The hypothesis that a search accepted.
-    cause : Effect
-        One of its causes.
-
-    Returns
-    -------
-    list of (Effect, float)
-        The rivals, the nearest first, with the evidence for the cause over each.
-    """
-    found: dict[Effect, float] = {}
-    for trial in ladder.in_place(final, cause):
-        (other,) = set(trial.hypothesis.causes) - set(final.hypothesis.causes)
-        simple = count_parameters(other) <= count_parameters(cause)
-        stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
-        if simple and stands and not compare.refutes(final, trial):
-            found[other] = compare.evidence(trial, final)
-    problem, rest = ladder.fitter.problem, final.hypothesis.without(cause)
-    for other in ladder.candidates:
-        if other != cause and other not in found and rest.allows(other):
-            same = _is_same(ladder.fitter, rest, cause, other)
-            if same or resemble(problem, final.fit.model, cause, other):
-                found[other] = 0.0
-    nearest = sorted(found.items(), key=lambda item: item[1])
-    return [(same, value) for other, value in nearest for same in (other, *ladder.same[other])]
+    fitted = tuple(name for each in rest.causes for name in each.names().values())
+    model = fitter.models.extend(rest)
+    return are_equivalent(model, cause, other, retuned=False, beside=fitted)

@@ -1,24 +1,28 @@
 """Stepwise search for missing causes: moves from hypothesis to hypothesis, the cheap ones first."""
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.comparison import Comparison
+from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder
 from sklearn_pgnn.diagnosis.moves import Moves
-from sklearn_pgnn.diagnosis.rivals import find_rivals
+from sklearn_pgnn.diagnosis.outside import probability_outside
+from sklearn_pgnn.diagnosis.rivals import InPlace, find_rivals, likelier, not_refuted
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis_models import Key
-from sklearn_pgnn.estimation.progress import TimeIsUp
+from sklearn_pgnn.estimation.progress import AFTER_TESTS
 from sklearn_pgnn.estimation.same_in_equations import same_causes
+from sklearn_pgnn.estimation.shared_part import in_terms_of_the_model
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import frequent_first
+from sklearn_pgnn.record_quality.wiring import Rewired
 
 #: yields the hypotheses reached by a move that the criterion accepts, the best first
 Move = Callable[[FittedHypothesis], Iterator[FittedHypothesis]]
@@ -45,6 +49,8 @@ class Search:
         leaves nothing, so that the search is over.
     given : frozenset of Effect, default=frozenset()
         Causes that the records show by themselves: any positive evidence for them is enough.
+    wiring : Rewired, optional
+        Signs, exchanges and units that the records show, each as good as the first.
     """
 
     def __init__(
@@ -56,13 +62,16 @@ class Search:
         has_structure: Callable[[FittedHypothesis], bool],
         find_law: Callable[["Search"], bool],
         given: frozenset[Effect] = frozenset(),
+        wiring: Rewired | None = None,
     ):
         self.criterion, self.max_causes = criterion, max_causes
         self.has_structure, self.find_law = has_structure, find_law
         self.progress = fitter.progress
-        self.same = same_causes(fitter.problem.prior, candidates)
-        self.given = given & set(self.same)
-        self._use(fitter, tuple(self.same))
+        wirings = () if wiring is None else wiring.wirings
+        candidates, self.wiring = (*wirings, *candidates), wiring
+        self.same = same_causes(fitter.problem.prior, candidates, self.progress.tick)
+        self.given = (given | set(wirings[:1])) & set(self.same)
+        self._use(fitter, frequent_first(self.same))
         self.current = fitter.base()
         self._visited: dict[Key, float] = {}  # with what was left of each
         self._standing = self.current  # the best hypothesis of which every cause is named
@@ -89,7 +98,7 @@ class Search:
             The accepted hypothesis and the rivals of its causes.
         """
         self.progress.counts = True
-        with suppress(TimeIsUp):
+        with self.progress.kept():
             if begin is None:
                 self._take_given()
             else:
@@ -103,19 +112,31 @@ class Search:
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far, without needless causes as far as the time allows."""
         self.progress.counts = False  # a result there must be
-        tested = self._prune_in_spare_time()
-        lost = self.compare.runs_away(self.current)
-        if lost or self.compare.refutes(self._standing, self.current):
-            self.current = self._standing  # what moves led to may not stand itself
-        return replace(self._result(complete=False), tested=tested)
+        with self.progress.spare_time(AFTER_TESTS):
+            self._take_best_of_begun()
+        with self.progress.spare_time(AFTER_TESTS):
+            self._drop_untenable()
+        with self.progress.kept():
+            lost = self.compare.runs_away(self.current)
+            if lost or self.compare.refutes(self._standing, self.current):
+                self.current = self._standing  # what moves led to may not stand itself
+            return self._result(complete=False)
+        self.current = self.fitter.base()
+        return self._result(complete=False)
 
-    def _prune_in_spare_time(self) -> bool:
-        """Drop causes that are not named beside the others; return whether all were tested."""
-        with self.progress.spare_time():
-            while (fewer := self.moves.drop(self.current)) is not None:
-                self.current = fewer
-            return True
-        return False
+    def _take_best_of_begun(self) -> None:
+        """Add the best of the candidates that were looked at beside the causes, if it is named."""
+        if len(self.current.hypothesis.causes) < self.max_causes:
+            self.current = next(self.moves.add_known(self.current), self.current)
+
+    def _drop_untenable(self) -> None:
+        """Drop causes that are not named beside the others, given a disturbance where needed."""
+        while (fewer := self.moves.drop(self.current)) is not None:
+            self.current = fewer
+        while (
+            fewer := self.moves.drop_disturbed(self.current, self.criterion.to_name)
+        ) is not None:
+            self.current = self.moves.without_needless(fewer)
 
     def judge_on(
         self,
@@ -148,7 +169,7 @@ class Search:
         self._use(fitter, tuple(cause for cause in self.same if cause in likely))
         self.current = self._standing = fitter.refit_elsewhere(found.final)
         self.progress.counts = True
-        with suppress(TimeIsUp):
+        with self.progress.kept():
             if complete:
                 self.current = self.moves.without_needless(self.current)
                 return replace(self._result(complete), alone=found.alone)
@@ -165,7 +186,7 @@ class Search:
         while (special := next(self.moves.split(self.current), None)) is not None:
             self.current = fitter.polish(special)
         base = fitter.base()
-        steps = in_order(fitter, base, self.current)
+        steps = in_order(fitter, base, in_terms_of_the_model(fitter, self.current))
         rivals = self._same_in_equations(self.current) | found.rivals
         rivals = {cause: rivals[cause] for cause in self.current.hypothesis.causes}
         return replace(found, base=base, steps=steps, rivals=rivals)
@@ -255,6 +276,8 @@ class Search:
                 yield self.moves.add_pair
             if count:
                 yield self.moves.replace_by_pair
+        if self._is_worth_patience(current):
+            yield partial(self.moves.any_of_few_sets, most=self.max_causes)
 
     def _is_worth_patience(self, current: FittedHypothesis) -> bool:
         """Return whether what is left may depend on the records, so that costly moves are tried."""
@@ -271,14 +294,61 @@ class Search:
                 self.current = further if further.fit.usable else self.current
 
     def _result(self, complete: bool) -> SearchResult:
-        base, final = self.fitter.base(), self.current
-        steps = in_order(self.fitter, base, final)
-        rivals, beside = self._same_in_equations(final), {}
-        if complete:
-            for cause in final.hypothesis.causes:
-                rivals[cause] += find_rivals(self.compare, self.ladder, final, cause)
-                beside[cause] = self._evidence_beside(final, cause)
-        return SearchResult(base, steps, rivals, beside, dict(self.ladder.alone), complete)
+        base = self.fitter.base()
+        if complete and self.fitter.predicts_nothing(self.current, self.criterion.smallest_share):
+            self.current = base  # what tells no more than carrying on is no explanation
+        near = self._put_the_likeliest_first() if complete else {}
+        final = self.current
+        steps = in_order(self.fitter, base, in_terms_of_the_model(self.fitter, final))
+        rivals, beside, outside = self._same_in_equations(final), {}, {}
+        for cause, others in near.items():
+            beside[cause] = self._evidence_beside(final, cause)
+            found = rivals[cause] + find_rivals(self.ladder, final, cause, others)
+            rivals[cause] = self.criterion.probable(found, beside[cause])
+            outside[cause] = self._outside(final, cause, [rival for rival, _ in rivals[cause]])
+        alone = dict(self.ladder.alone)
+        return SearchResult(base, steps, rivals, beside, outside, alone, complete)
+
+    def _put_the_likeliest_first(self) -> dict[Effect, InPlace]:
+        """Exchange causes for likelier rivals that are named; return what may replace each.
+
+        A cause that is improbable beside what cannot be named in its place is dropped.
+        """
+        tried: set[Key] = set()
+        while True:
+            final, search = self.current, (self.compare, self.ladder)
+            causes = final.hypothesis.causes
+            near = {cause: not_refuted(*search, final, cause) for cause in causes}
+            better = (trial for others in near.values() for trial in likelier(final, others))
+            named = (self._named_in_place(final, trial, tried) for trial in better)
+            exchanged = next((trial for trial in named if trial is not None), None)
+            exchanged = exchanged or self._without_the_improbable(final, near)
+            if exchanged is None:
+                return near
+            self.current = exchanged
+
+    def _without_the_improbable(
+        self, final: FittedHypothesis, near: dict[Effect, InPlace]
+    ) -> FittedHypothesis | None:
+        """Return a hypothesis without the cause that is refuted most surely, if one is."""
+        least = {cause: min((v for _, v in others), default=0.0) for cause, others in near.items()}
+        cause = min(set(least) - self.given, key=least.__getitem__, default=None)
+        if cause is None or least[cause] >= -self.criterion.to_refute:
+            return None
+        without = self._reduced(final, cause)
+        return self.moves.without_needless(without) if without.fit.usable else None
+
+    def _named_in_place(
+        self, final: FittedHypothesis, trial: FittedHypothesis, tried: set[Key]
+    ) -> FittedHypothesis | None:
+        """Return a hypothesis without needless causes, if its new one is named; each only once."""
+        tried.add(self.fitter.key(final.hypothesis))
+        if self.fitter.key(trial.hypothesis) in tried:
+            return None
+        tried.add(self.fitter.key(trial.hypothesis))
+        kept = self.moves.without_needless(self.fitter.polish(trial))
+        kept = self.moves.pruned(kept, self._needed)
+        return kept if own_causes(final, kept) else None
 
     def _same_in_equations(self, final: FittedHypothesis) -> dict[Effect, list]:
         """Return for every cause the candidates that are equivalent in the equations."""
@@ -290,11 +360,21 @@ class Search:
 
         For long records, disturbances were already considered on the stretches that were searched.
         """
-        reduced = self.fitter.reduce(self.fitter.subsample(final), cause)
-        without = self.fitter.fit_all(reduced, final)
+        without = self._reduced(final, cause)
         if cause in self.given or not without.fit.usable:
             return np.inf
         evidence = self.compare.evidence(without, final)
         if is_long(self.fitter.problem) or not self.compare.is_coloured(final):
             return evidence
         return float(np.fmin(evidence, self.compare.evidence_disturbed(without, final)))
+
+    def _outside(self, final: FittedHypothesis, cause: Effect, rivals: list[Effect]) -> float:
+        """Return the least probability that what acts in a cause's place has no name."""
+        without = self._reduced(final, cause)
+        if cause in self.given or not without.fit.usable:
+            return 0.0
+        return probability_outside(self.fitter, without, final, cause, rivals)
+
+    def _reduced(self, final: FittedHypothesis, cause: Effect) -> FittedHypothesis:
+        """Return a hypothesis without one of its causes, fitted on all windows."""
+        return self.fitter.fit_all(self.fitter.reduce(self.fitter.subsample(final), cause), final)

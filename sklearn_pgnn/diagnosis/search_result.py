@@ -23,21 +23,22 @@ class SearchResult:
         each.
     evidence : dict
         For every cause, the evidence for it beside the others; empty where time ran out.
+    outside : dict
+        For every cause, the least probability that what acts in its place is outside the
+        catalogue; empty where time ran out.
     alone : dict
         The share of the re-tuned prior's squares that each candidate leaves as the only cause.
     complete : bool, default=True
-        Whether the search ran to completion.
-    tested : bool, default=True
-        Whether every cause was tested beside the others.
+        Whether the search ran to completion, so that every cause was tested against the rest.
     """
 
     base: FittedHypothesis
     steps: list[FittedHypothesis]
     rivals: dict[Effect, list[tuple[Effect, float]]]
     evidence: dict[Effect, float] = field(default_factory=dict)
+    outside: dict[Effect, float] = field(default_factory=dict)
     alone: dict[Effect, ShareLeft] = field(default_factory=dict)
     complete: bool = True
-    tested: bool = True
 
     @property
     def final(self) -> FittedHypothesis:

@@ -35,7 +35,7 @@ def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dic
     blocks = len(problem.windows) * problem.windows.blocks
     wider = student.ppf(0.975, max(blocks - len(fit.freedoms), 1)) / NORMAL_95
     errors = {name: wider * e for name, e in standard_errors(fit, *expected).items()}
-    held = held_freedoms(problem, trial.hypothesis)
+    held = tuple(f for f in held_freedoms(problem, trial.hypothesis) if f.name not in errors)
     if not held or not fit.usable:
         return errors
     more = errors_by_held(fit, problem.windows, held, *expected)
@@ -181,6 +181,23 @@ def leaves_something(
     value = {each.name: trial.fit.model.parameters[each.name].value for each in free}
     needed = norm.ppf(1.0 - alpha)
     return all(value[each.name] - each.low > needed * error[each.name] for each in free)
+
+
+def says_more_than_bounds(fitter: WindowFitter, trial: FittedHypothesis, cause: Effect) -> bool:
+    """Return whether the records say more of a cause than the bounds of its parameters do.
+
+    A cause is not determined if each of its strengths lies at a limit and may have any value.
+    """
+    own = cause.names()
+    shapes = {own[q.name] for q in cause.quantities() if q.metadata["role"] == "shape"}
+    free = [f for f in trial.fit.freedoms if f.name in set(own.values()) - shapes]
+    value = {f.name: trial.fit.model.parameters[f.name].value for f in free}
+    if not free or not all(value[f.name] in (f.low, f.high) for f in free):
+        return True
+    errors = standard_errors(trial.fit, *_expected_starts(fitter.problem, trial))
+    ends = likelihood_intervals(fitter, trial, {f.name: errors[f.name] for f in free})
+    bounds = {f.name: trial.fit.model.parameters[f.name].bounds for f in free}
+    return any(ends[name] != bounds[name] for name in ends)
 
 
 def _is_limit_of_magnitude(quantity) -> bool:

@@ -53,11 +53,12 @@ class MissingPart:
     effect : Formula
         Terms that describe it; a model plus this effect contains them.
     error : float
-        Error over windows of the re-tuned prior with these terms, in units of the noise.
+        Held-out error over windows of the model with these terms, in units of the noise.
     model : PhysicsModel
         The model with the terms, fitted together.
-    course : ndarray of shape (n_samples,)
-        Its smoothed trajectory [unit of the target; per second for a state].
+    left : ndarray of shape (n_samples,)
+        What the records show there beside the terms, smoothed with the parameters fitted with
+        them [unit of the target; per second for a state].
     known : tuple of KnownTerms, default=()
         The terms that a parameter of the model or an effect of the catalogue expresses.
 
@@ -79,7 +80,7 @@ class MissingPart:
     effect: Formula
     error: float
     model: PhysicsModel = field(repr=False)
-    course: np.ndarray = field(repr=False)
+    left: np.ndarray = field(repr=False)
     known: tuple[KnownTerms, ...] = ()
 
     @property
@@ -138,7 +139,7 @@ def propose(
     problem: EstimationProblem,
     base: FittedHypothesis,
     channel: str,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> list[Proposal]:
     """Estimate the hidden input of a channel, and formulas for it with one, two, and more terms.
 
@@ -166,7 +167,7 @@ def propose(
     SimulationError
         If the responses to the terms become non-finite.
     """
-    model, hidden = base.fit.model, _hidden_input(problem, base, channel, each_step)
+    model, hidden = base.fit.model, hidden_input(problem, base, channel, each_step)
     if not np.all(np.isfinite(hidden.values)):
         return []
     table = smoothed_samples(problem, model, hidden)
@@ -185,7 +186,7 @@ def propose_again(
     problem: EstimationProblem,
     base: FittedHypothesis,
     proposal: Proposal,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> Proposal | None:
     """Fit a formula again that was found on other records.
 
@@ -206,12 +207,17 @@ def propose_again(
         None where it cannot be fitted on these records.
     """
     effect = proposal.effect
-    hidden = _hidden_input(problem, base, effect.target, each_step)
+    hidden = hidden_input(problem, base, effect.target, each_step)
     again = _proposal(problem, base, hidden, effect, each_step)
     return again if again.trial.fit.usable and np.all(np.isfinite(hidden.values)) else None
 
 
-def _hidden_input(problem, base, channel, each_step) -> HiddenInput:
+def hidden_input(
+    problem: EstimationProblem,
+    base: FittedHypothesis,
+    channel: str,
+    each_step: Callable[[], bool | None] | None = None,
+) -> HiddenInput:
     """Estimate by smoothing what acts at a channel and is not in the model."""
     model, scales = base.fit.model, problem.scales
     estimate = problem.states.estimate(model)

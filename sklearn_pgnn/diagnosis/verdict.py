@@ -1,13 +1,26 @@
 """The verdict in two parts: what is missing, and what is left."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure
+from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
+
+#: the verdicts with their titles, those that ask for something to be done first
+VERDICTS = {
+    "cause_named": "Cause named",
+    "ambiguous": "Several causes fit",
+    "unexplained": "Not explained",
+    "provisional": "Provisional",
+    "predicts_nothing": "Model predicts nothing",
+    "nothing_found": "No cause found",
+    "model_adequate": "Model adequate",
+}
 
 
 @dataclass(frozen=True)
@@ -20,23 +33,32 @@ class Remaining:
         White noise; coloured noise or an external disturbance, which depend on nothing that was
         recorded; or structure, which does.
     times_noise : dict of str to float
-        Held-out error of every output over windows, as a multiple of its white part.
-    depends_on : tuple of str
-        States, inputs and the time that structure depends on, the most important first.
-    runs_away : bool, default=False
-        Whether the model tells nothing about any output: over windows the prior runs away from the
-        records, and no output is predicted better than is possible without a model.
+        Held-out error of every output over windows, as a multiple of its noise.
+    law : Structure
+        The law without a name that explains most of a structure: its place, its share of what is
+        left, its memory, and the states, inputs and the time that it depends on.
+    predicts_nothing : bool, default=False
+        Whether over windows no output is predicted better than is possible without a model, by
+        carrying on as at their start.
 
     Examples
     --------
-    >>> Remaining("structure", {"position": 3.2}, depends_on=("v",)).kind
-    'structure'
+    >>> law = Structure("v", share=0.9, memory=0.2, depends_on=("F",))
+    >>> Remaining("structure", {"position": 3.2}, law).is_much
+    True
     """
 
     kind: str
     times_noise: dict[str, float]
-    depends_on: tuple[str, ...] = ()
-    runs_away: bool = False
+    law: Structure = field(default_factory=Structure)
+    predicts_nothing: bool = False
+
+    @property
+    def is_much(self) -> bool:
+        """Whether more than twice the noise of some output is left, and not only white noise."""
+        return self.kind != "noise" and any(
+            not times <= MUCH for times in self.times_noise.values()
+        )
 
 
 def describe_remaining(
@@ -45,55 +67,31 @@ def describe_remaining(
     structure: Structure | None,
     smallest_share: float,
 ) -> Remaining:
-    """Describe the residuals that a hypothesis leaves.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter of the hypothesis.
-    final : FittedHypothesis
-        The hypothesis that was accepted.
-    structure : Structure or None
-        Whether what is left depends on anything recorded; None if that was not tested.
-    smallest_share : float
-        Smallest share of an output's squares that counts.
-
-    Returns
-    -------
-    Remaining
-        What is left.
-    """
+    """Describe the residuals that a hypothesis leaves; None for a structure that was not tested."""
     left, white = fitter.squares_by_output(final), fitter.white_squares(final)
-    times = np.sqrt(fitter.held_out(final).windows.squares / white)
+    found = fitter.held_out(final).windows
+    times = np.sqrt(found.squares / np.where(found.counts > 0, found.counts, np.nan))
     named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
     white_only = bool((left - white <= smallest_share * left).all())
-    runs_away = not white_only and fitter.runs_away(final)
+    nothing = fitter.predicts_nothing(final, smallest_share)
     if structure is not None and structure.is_significant:
-        return Remaining("structure", named, structure.depends_on, runs_away)
-    return Remaining("noise" if white_only else "disturbance", named, (), runs_away)
+        return Remaining("structure", named, structure, nothing)
+    return Remaining("noise" if white_only else "disturbance", named, Structure(), nothing)
 
 
 def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) -> str:
-    """Return the verdict.
+    """Return the verdict, one of `VERDICTS`.
 
-    Parameters
-    ----------
-    result : SearchResult
-        The causes and their rivals.
-    remaining : Remaining
-        What they leave.
-    has_formula : bool
-        Whether a formula describes what they leave.
-
-    Returns
-    -------
-    {"model_adequate", "cause_named", "ambiguous", "unexplained"}
-        The verdict: *unexplained* only where something depends on what was recorded and nothing
-        could be named, where the model runs away from the records, or where more than noise is left
-        and the search did not come to its end.
+    A search that did not finish has tested nothing against the rest: it calls a model adequate
+    where only noise is left, and is provisional otherwise.
     """
+    if remaining.predicts_nothing and not (result.steps or has_formula):
+        return "predicts_nothing"
+    if not result.complete and (result.steps or remaining.kind != "noise"):
+        return "provisional"
     if result.steps:
-        return "ambiguous" if any(result.rivals.values()) else "cause_named"
-    if remaining.runs_away or (not result.complete and remaining.kind != "noise"):
+        is_open = any(result.rivals.values()) or any(p >= OPEN for p in result.outside.values())
+        return "ambiguous" if is_open else "cause_named"
+    if has_formula or remaining.kind == "structure":
         return "unexplained"
-    return "unexplained" if has_formula or remaining.kind == "structure" else "model_adequate"
+    return "nothing_found" if remaining.is_much else "model_adequate"

@@ -31,6 +31,8 @@ STEPS = 4
 KEPT = 4
 #: pairs of candidates that are fitted. More cost time in proportion; fewer may miss a pair
 PAIRS = 8
+#: most sets of candidates of which all are fitted: those of four. More cost time in proportion
+SETS = 2 * PAIRS
 #: error in units of the noise above which costly moves are tried even if no recorded signal
 #: explains the residuals, and above which a report is amber. Less costs time; more may miss a pair
 #: that short records do not show
@@ -85,9 +87,9 @@ CYCLE_STEP = 0.2
 
 #: trees of a regression, and leaves of each. More resolve finer structure and take longer
 TREES, LEAVES = 50, 15
-#: largest lag of signals, in windows, or in the stretches of a record where these are shorter. More
-#: detect longer memory and take longer
-LAGS = (0.0, 1 / STRETCHES, 1 / 3, 1.0)
+#: filters of every signal, by which a law may remember it. More show its memory more exactly and
+#: take longer
+FILTERS = 8
 #: share of a formula term's effect on the outputs that must remain after re-tuning: less cannot be
 #: distinguished from re-tuning
 OWN = 0.02

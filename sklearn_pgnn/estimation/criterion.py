@@ -22,6 +22,7 @@ from scipy.stats import norm
 
 from sklearn_pgnn.estimation.accuracy import accuracy_gained
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
+from sklearn_pgnn.physics.effect import Effect
 
 
 def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:
@@ -105,6 +106,21 @@ def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Res
     """
     tells = first.tells | second.tells
     return first.free_run.of(tells), second.free_run.of(tells)
+
+
+def ratio_error(one: HeldOut, other: HeldOut) -> float:
+    r"""Return the standard error of the likelihood ratio of two hypotheses, by leaving out windows.
+
+    .. math::
+        \sigma^2 = \frac{W}{W - 1} \sum_w \Big(\sum_o \frac{n_o}{2 \tau_o}
+        \Big(\frac{S_{o,w,0}}{S_{o,0}} - \frac{S_{o,w,1}}{S_{o,1}}\Big)\Big)^2
+    """
+    times = np.maximum(one.windows.times, other.windows.times)
+    left = [each.block_squares.sum(axis=1) for each in (one, other)]
+    with np.errstate(invalid="ignore"):  # an output that is not measured has no squares
+        shares = [np.nan_to_num(squares / squares.sum(axis=0)) for squares in left]
+    told = ((shares[0] - shares[1]) * one.windows.counts / (2.0 * times)).sum(axis=1)
+    return float(np.sqrt(told.size / max(told.size - 1, 1) * np.sum(told**2)))
 
 
 @dataclass(frozen=True)
@@ -253,6 +269,33 @@ class SelectionCriterion:
         if not before.counts.size or trial.n_added <= simpler.n_added:
             return False
         return explained_share(before, after) < self.smallest_share
+
+    def separation(self, one: HeldOut, other: HeldOut, overdispersion: float) -> float:
+        r"""Return how surely the second of two hypotheses that may replace each other is likelier.
+
+        .. math:: \mathrm{sign}(\Lambda)\, \min(|\Lambda| / \phi,\; 2 \Lambda^2 / \sigma^2),
+                  \quad 0 \text{ if } |\Lambda| \le \sigma
+
+        with the standard error :math:`\sigma` of :math:`\Lambda`, see `ratio_error`: for the true
+        hypothesis :math:`\sigma^2 = 2 \Lambda`, and what lies within its own error says nothing.
+        """
+        ratio = self.evidence(one, other)
+        if not np.isfinite(ratio):
+            return ratio
+        error = ratio_error(one, other)
+        if abs(ratio) <= error:
+            return 0.0
+        surely = min(abs(ratio) / overdispersion, 2.0 * (ratio / error) ** 2 if error else np.inf)
+        return float(np.copysign(surely, ratio))
+
+    def probable(
+        self, rivals: Sequence[tuple[Effect, float]], over_none: float
+    ) -> list[tuple[Effect, float]]:
+        """Return the rivals, nearest first, that are at least as probable as a false alarm."""
+        nearest = sorted(rivals, key=lambda rival: rival[1])
+        chances = self.probabilities([*(value for _, value in nearest), over_none])[1:-1]
+        pairs = zip(nearest, chances, strict=True)
+        return [rival for rival, chance in pairs if chance >= self.alpha]
 
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
         """Return the probability of a cause, of each of its rivals, and of no cause.

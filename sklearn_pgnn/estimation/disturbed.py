@@ -47,7 +47,7 @@ def disturbed_likelihood(
     held_out: HeldOut,
     folds: np.ndarray,
     variance: np.ndarray,
-    each_run: Callable[[], None] = lambda: None,
+    each_run: Callable[[], bool | None] = lambda: None,
 ) -> float:
     """Return the log-likelihood of held-out windows with the disturbance of largest likelihood.
 
@@ -139,7 +139,7 @@ class HeldOutWindows:
                 slopes[..., led.numbers] += by_start[..., led.states] @ follow
             self.slopes[a:b] = -slopes
 
-    def likelihoods(self, each_run: Callable[[], None] = lambda: None) -> Iterator[float]:
+    def likelihoods(self, each_run: Callable[[], bool | None] = lambda: None) -> Iterator[float]:
         """Yield the likelihood with the parameters as they are, and as estimated again.
 
         Parameters
@@ -164,7 +164,7 @@ class HeldOutWindows:
         size, time = self._typical(best.channel)
         yield likeliest(again, size, time, best.disturbance, each_run)[1]
 
-    def _likeliest(self, channel: str, each_run: Callable[[], None]) -> "_Beside":
+    def _likeliest(self, channel: str, each_run: Callable[[], bool | None]) -> "_Beside":
         """Find the most likely hidden input at a channel, first along a typical one's effect.
 
         This uses only some of the windows: it decides where to search further.

@@ -49,7 +49,7 @@ class DisturbedEvidence:
         without: Judged,
         with_: Judged,
         smallest_share: float,
-        each_run: Callable[[], None] = lambda: None,
+        each_run: Callable[[], bool | None] = lambda: None,
     ) -> float:
         r"""Return the evidence for the second of two hypotheses.
 

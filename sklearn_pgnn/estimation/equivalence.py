@@ -17,7 +17,13 @@ from sklearn_pgnn.physics.model import PhysicsModel
 KINKED = (sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Heaviside, sympy.Piecewise)
 
 
-def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: bool = True) -> bool:
+def are_equivalent(
+    model: PhysicsModel,
+    one: Effect,
+    other: Effect,
+    retuned: bool = True,
+    beside: tuple[str, ...] = (),
+) -> bool:
     r"""Return whether no inputs and outputs of a model can separate two causes.
 
     With the parameters :math:`p` that re-tuning changes and those of the two causes, :math:`a` and
@@ -42,6 +48,8 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
         The causes.
     retuned : bool, default=True
         Whether the parameters are re-tuned.
+    beside : tuple of str, default=()
+        Parameters of other causes, which are fitted as well.
 
     Returns
     -------
@@ -77,8 +85,9 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
     if mine is None or theirs is None or not _rank(mine) or not _rank(theirs):
         return False
     wrong = {each.target for each in (one, other) if isinstance(each, WrongParameter)}
-    free = tuple(name for name in model.free_parameters if name not in wrong)
-    common = np.hstack([_by_names(model, free if retuned else ()), _by_coordinates(model)])
+    names = model.free_parameters if retuned else beside
+    free = tuple(name for name in names if name not in wrong)
+    common = np.hstack([_by_names(model, free), _by_coordinates(model)])
     rank = _rank(common, mine, theirs)
     return rank == _rank(common, mine) == _rank(common, theirs)
 
@@ -108,20 +117,36 @@ def _by_names(model, names) -> np.ndarray:
 def _by_coordinates(model) -> np.ndarray:
     """Return the changes of rates and outputs if a state has another zero or unit.
 
-    States at which a function has a kink are left out: the kink would move.
+    A zero at which a function has a kink would move with it; dry friction keeps its sign in any
+    unit.
     """
     expressions = [*model.equations.values(), *model.outputs.values()]
     kinks = [kink for e in expressions for kink in e.atoms(*KINKED)]
-    bent = set().union(*(kink.free_symbols for kink in kinks))
-    smooth = [state for state in map(symbol, model.states) if state not in bent]
-    return _columns(model, [_change(model, x, by) for x in smooth for by in (sympy.Integer(1), x)])
+    changes = []
+    for state in map(symbol, model.states):
+        at = [kink for kink in kinks if state in kink.free_symbols]
+        if not at:
+            changes.append(_change(model, state, sympy.Integer(1)))
+        if all(_keeps_its_kink(kink, state) for kink in at):
+            changes.append(_change(model, state, state))
+    return _columns(model, changes)
+
+
+def _keeps_its_kink(kink: sympy.Expr, state: sympy.Symbol) -> bool:
+    """Return whether a kink lies at the zero of a state, as that of dry friction does."""
+    return isinstance(kink, sympy.sign | sympy.Abs) and kink.args[0] == state
 
 
 def _change(model, state, by) -> list:
     """Return the changes of rates and outputs for a small change of a state's coordinate."""
-    rates = {name: -sympy.diff(f, state) * by for name, f in model.equations.items()}
+    rates = {name: -_slope(f, state) * by for name, f in model.equations.items()}
     rates[str(state)] += sympy.diff(by, state) * model.equations[str(state)]
-    return [*rates.values(), *(-sympy.diff(g, state) * by for g in model.outputs.values())]
+    return [*rates.values(), *(-_slope(g, state) * by for g in model.outputs.values())]
+
+
+def _slope(expression: sympy.Expr, state: sympy.Symbol) -> sympy.Expr:
+    """Return the slope beside a jump."""
+    return sympy.diff(expression, state).replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
 
 
 def _columns(model, columns) -> np.ndarray:

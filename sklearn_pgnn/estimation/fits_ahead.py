@@ -176,7 +176,8 @@ class _Received(threading.local):
 
     def progress(self) -> Progress:
         """Return a progress that ends a fit when the time limit of the search is reached."""
-        progress = Progress(time_limit=None if self.end is None else self.end - monotonic())
+        left = None if self.end is None else self.end - monotonic()
+        progress = Progress(time_limit=left, kept_back=0.0)
         progress.counts = True
         return progress
 

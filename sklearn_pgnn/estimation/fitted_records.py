@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
-from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.budgets import SMALL_CHANGE
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_prior_spreads
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.simulate import settled_start
+from sklearn_pgnn.simulation.free_starts import fit_starts
+from sklearn_pgnn.simulation.record_start import CLEARLY
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -49,10 +49,11 @@ class DiagnosisRecords:
         Names of the records.
     states : ndarray of shape (n_samples, n_states)
         The prior's states as estimated from the records.
-    starts : ndarray of shape (n_records, n_states)
-        The extended model's states at the start of every record.
+    starts : dict of str to ndarray of shape (n_records, n_states)
+        By model, its states at the start of every record in a free run.
     fits : dict of str to FittedWindows
-        The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
+        The ``"prior"``, the ``"refitted"`` prior, the ``"extended"`` model, and where there is a
+        formula the model with the causes and the ``"formula"``.
     problem : EstimationProblem
         The problem, for later evaluations.
     causes : tuple of Effect
@@ -62,99 +63,98 @@ class DiagnosisRecords:
     windows: ShootingWindows
     names: tuple[str, ...]
     states: np.ndarray
-    starts: np.ndarray
+    starts: Mapping[str, np.ndarray]
     fits: Mapping[str, FittedWindows]
     problem: EstimationProblem
     causes: tuple[Effect, ...]
 
+    @property
+    def best(self) -> str:
+        """The model that holds all that was found."""
+        return "formula" if "formula" in self.fits else "extended"
+
 
 def keep_records(
-    fitter: HypothesisFitter, base: FittedHypothesis, final: FittedHypothesis, names
+    problem: EstimationProblem, fits: Mapping[str, WindowFit], causes: tuple[Effect, ...], names
 ) -> DiagnosisRecords:
-    """Collect the data for the plots.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter of the hypotheses.
-    base, final : FittedHypothesis
-        The re-tuned prior, and the hypothesis that was accepted.
-    names : iterable of str
-        Names of the records.
-
-    Returns
-    -------
-    DiagnosisRecords
-        The records and the fits.
-    """
-    problem = fitter.problem
-    fits = {
-        "prior": fitter.prior,
-        "refitted": base.fit,
-        "extended": final.fit,
-    }
-    windows = replace(problem.windows, threads=1)
+    """Collect the data for the plots: the fits, and where their free runs begin."""
+    windows, known = replace(problem.windows, threads=1), {}
+    for fit in fits.values():
+        if id(fit) not in known:
+            begun = record_starts(problem, fit.model, fit.x0)
+            known[id(fit)] = fit_starts(fit.model, problem.windows, problem.states, begun)
     return DiagnosisRecords(
         windows=windows,
         names=tuple(map(str, names)),
         states=problem.states.estimate(problem.prior).x,
-        starts=record_starts(problem, final.fit.model, final.fit.x0),
+        starts={which: known[id(fit)] for which, fit in fits.items()},
         fits={which: _slim(fit) for which, fit in fits.items()},
         problem=replace(problem, windows=windows),
-        causes=final.hypothesis.order,
+        causes=causes,
     )
 
 
 def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
-    """Return the initial state of every record: as recorded, else `settled` states, else as fitted.
+    """Return the initial state of every record: as recorded, else as fitted to its first window.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    model : PhysicsModel
-        The model.
-    x0 : ndarray of shape (n_windows, n_states)
-        Its fitted initial states of the windows.
-
-    Returns
-    -------
-    ndarray of shape (n_records, n_states)
-        Initial states for a simulation of the model on the records.
+    `settled` states are settled unless the first samples tell clearly otherwise.
     """
-    windows, first = problem.windows, problem.windows.bounds[:-1]
-    starts = x0[np.searchsorted(windows.starts, first)].copy()
-    for start, u, told in zip(starts, windows.u[first], problem.states.told, strict=True):
-        known = {**settled_start(model, u), **told}
-        for i, state in enumerate(model.states):
-            if state in told or state in model.settled:
-                start[i] = known[state]
+    windows, states = problem.windows, list(model.states)
+    starts = x0[np.searchsorted(windows.starts, windows.bounds[:-1])].copy()
+    for state in model.settled:
+        column, rest = states.index(state), _settled(model, windows, state)
+        near = np.abs(starts[:, column] - rest) < _noticeable(model, windows, state)
+        starts[near, column] = rest[near]
+    for start, told in zip(starts, problem.states.told, strict=True):
+        start[[states.index(state) for state in told]] = list(told.values())
     return starts
 
 
-def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
+def _settled(model: PhysicsModel, windows: ShootingWindows, state: str) -> np.ndarray:
+    """Return where every record settles a state: at the first value of the input it follows."""
+    return windows.u[windows.bounds[:-1], list(model.inputs).index(model.settled[state])]
+
+
+def _noticeable(model: PhysicsModel, windows: ShootingWindows, state: str) -> float:
+    """Return the change of a state that follows an input that is not small beside the input's."""
+    place = list(model.inputs).index(model.settled[state])
+    return SMALL_CHANGE * float(np.std(windows.u[:, place]))
+
+
+def as_judged(problem: EstimationProblem, fit: WindowFit | FittedWindows) -> PhysicsModel:
     """Return a fitted model with the settings of its evaluation, for the user.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The fitted model.
-
-    Returns
-    -------
-    PhysicsModel
-        The model with its hold and substeps, the prior's spreads, and as `initial_state` the fitted
-        start of the first record in the states that were not recorded.
+    These are its hold and substeps, the prior's spreads, and as `initial_state` the fitted start of
+    the first record in the states that were not recorded and do not start settled.
     """
     model, windows = with_prior_spreads(fit.model, problem.prior), problem.windows
-    start = dict(zip(model.states, record_starts(problem, model, fit.x0)[0].tolist(), strict=True))
-    found = {s: v for s, v in start.items() if s not in {*problem.states.told[0], *model.settled}}
+    starts = record_starts(problem, model, fit.x0)
+    begun = _begun_elsewhere(model, windows, starts)
+    settled = {state: name for state, name in model.settled.items() if state not in begun}
+    (start,) = fit_starts(model, windows, problem.states, starts, last=1)
+    first = dict(zip(model.states, start.tolist(), strict=True))
+    found = {s: v for s, v in first.items() if s not in {*problem.states.told[0], *settled}}
     return model.replace(
-        initial_state={**model.initial_state, **found},
+        initial_state={**model.initial_state, **found, **begun},
+        settled=settled,
         simulation={"hold": windows.hold, **windows.steps.settings},
     )
+
+
+def _begun_elsewhere(
+    model: PhysicsModel, windows: ShootingWindows, starts: np.ndarray
+) -> dict[str, float]:
+    """Return the settled states that begin all records clearly nearer to one value, and that one.
+
+    So does an actuator at rest whose command steps in the first sample.
+    """
+    found = {}
+    for state in model.settled:
+        start = starts[:, list(model.states).index(state)]
+        off = np.mean((start - _settled(model, windows, state)) ** 2)
+        if np.var(start) < CLEARLY * off:
+            found[state] = float(start.mean())
+    return found
 
 
 def _slim(fit: WindowFit) -> FittedWindows:

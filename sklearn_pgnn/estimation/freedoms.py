@@ -7,7 +7,7 @@ from operator import add
 
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.estimation.same_in_equations import held_parameters
+from sklearn_pgnn.estimation.same_in_equations import held_parameters, shared_parameters
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
@@ -26,23 +26,8 @@ def freedoms(
     """Return the range and spread of every free parameter under a hypothesis.
 
     The prior's parameters stay within their spread, so one of value 0 stays there; one that the
-    hypothesis names as wrong may vary within its bounds; the effects' own stay within their limits.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    hypothesis : Hypothesis
-        The causes assumed to be missing.
-    start : PhysicsModel
-        The extended model.
-    held : collection of str, default=()
-        Parameters of the prior that are not re-tuned, see `held_parameters`.
-
-    Returns
-    -------
-    tuple of ParameterPrior
-        One for every free parameter.
+    hypothesis names as wrong may vary within its bounds; the effects' own stay within their limits,
+    and undo no more of a parameter than its bounds allow. Parameters that are `held` do not vary.
     """
     wrong = _said_to_be_wrong(hypothesis)
     still = {*held, *_without_spread(problem.prior, hypothesis)}
@@ -54,32 +39,32 @@ def freedoms(
     scales = problem.scales.of_either_sign(unsigned_states(start))
     for effect in hypothesis.causes:
         limits = effect.limits(effect.target, problem.prior, scales)
-        taken = hypothesis.taken_over(effect)
+        taken, least = hypothesis.taken_over(effect), _undoing(problem.prior, effect, held)
         for field_name, name in effect.names().items():
             if name not in problem.prior.parameters and field_name not in taken:
                 low, high = start.parameters[name].bounds
                 inner = limits.get(field_name, (low, high))
                 value = start.parameters[name].value
-                low, high, scale = max(low, inner[0]), min(high, inner[1]), abs(value) or 1.0
+                low, high = max(low, inner[0], least.get(name, low)), min(high, inner[1])
+                scale = abs(value) or 1.0
                 free.append(ParameterPrior(name, low, high, value, math.inf, scale))
     return tuple(free)
 
 
+def _undoing(model: PhysicsModel, effect: Effect, held: Collection[str]) -> dict[str, float]:
+    """Return the least values of a cause's parameters: what parameters that they share may lose."""
+    if not held or not effect.can_act(effect.target, model):
+        return {}
+    return {
+        own: weight * (model.parameters[name].bounds[0] - model.parameters[name].value)
+        for name, weights in shared_parameters(model, effect).items()
+        for own, weight in weights.items()
+        if name in held and weight > 0.0
+    }
+
+
 def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[ParameterPrior, ...]:
-    """Return the spread of the prior's parameters that the causes keep fixed.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    hypothesis : Hypothesis
-        The causes assumed to be missing.
-
-    Returns
-    -------
-    tuple of ParameterPrior
-        Those with a spread.
-    """
+    """Return the spread of the prior's parameters that the causes keep fixed, of those with one."""
     prior = problem.prior
     held = held_by(prior, hypothesis) - _said_to_be_wrong(hypothesis)
     names = [name for name in prior.free_parameters if name in held]

@@ -6,6 +6,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.effects.wiring import Wiring
 from sklearn_pgnn.physics.model import PhysicsModel
 
 
@@ -108,8 +109,8 @@ def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
 
 
 def count_parameters(cause: Effect) -> int:
-    """Count the parameters a cause adds or frees."""
-    return max(1, len(cause.names()))
+    """Count the parameters a cause adds or frees; a wiring is right or wrong."""
+    return 0 if isinstance(cause, Wiring) else max(1, len(cause.names()))
 
 
 def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Effect, other: Effect) -> bool:

@@ -24,7 +24,7 @@ def refit_poor_windows(
     expected: np.ndarray,
     spread: np.ndarray,
     tolerance: float,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> WindowFit:
     """Fit again with other initial states in the windows that may be stuck.
 

@@ -1,7 +1,8 @@
 """The possible causes of a model's error: the effects of a catalogue, each at every target."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from difflib import get_close_matches
+from itertools import takewhile
 
 from sklearn_pgnn.estimation.same_in_equations import already_holds, same_parameter
 from sklearn_pgnn.exceptions import OptionError
@@ -11,36 +12,41 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.user_line import warn_user
 
 
-def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effect, ...]:
+def possible_causes(
+    model: PhysicsModel,
+    catalogue: Iterable[type[Effect]],
+    targets: Collection[str] | None = None,
+    each_step: Callable[[], bool | None] = lambda: None,
+) -> tuple[Effect, ...]:
     """List the causes of a catalogue that a model does not already hold.
 
     An effect that already extends the model is not a candidate; only its parameters can be wrong.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    catalogue : iterable of type[Effect]
-        The effects to consider.
-    targets : collection of str, optional
-        Targets to consider; by default all.
-
-    Returns
-    -------
-    tuple of Effect
-        The candidates.
+    Those that are left where `each_step` returns true are not listed.
     """
-    return tuple(
-        effect
-        for effect in _effects_on(model, catalogue, targets)
-        if not already_holds(model, effect) and same_parameter(model, effect) is None
-    )
+    listed = takewhile(lambda _: not each_step(), _effects_on(model, catalogue, targets))
+    return tuple(effect for effect in listed if _is_candidate(model, effect))
 
 
-def _effects_on(model, catalogue, targets) -> list[Effect]:
-    """List the effects of a catalogue on the targets that are considered."""
+def is_possible(
+    model: PhysicsModel,
+    catalogue: Iterable[type[Effect]],
+    targets: Collection[str] | None = None,
+) -> bool:
+    """Return whether a catalogue has any cause that a model does not already hold."""
+    return any(_is_candidate(model, effect) for effect in _effects_on(model, catalogue, targets))
+
+
+def _is_candidate(model: PhysicsModel, effect: Effect) -> bool:
+    """Return whether a model does not already hold an effect."""
+    return not already_holds(model, effect) and same_parameter(model, effect) is None
+
+
+def _effects_on(
+    model: PhysicsModel, catalogue: Iterable[type[Effect]], targets: Collection[str] | None
+) -> Iterator[Effect]:
+    """Yield the effects of a catalogue on the targets that are considered."""
     effects = (kind(target) for kind in catalogue for target in kind.targets(model))
-    return [effect for effect in effects if targets is None or effect.target in targets]
+    return (effect for effect in effects if targets is None or effect.target in targets)
 
 
 def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
@@ -90,10 +96,12 @@ def check_targets(model: PhysicsModel, targets, catalogue: Iterable[type[Effect]
             f"targets: expected a sequence of states, inputs, outputs and parameters of "
             f"{model.name!r}, got {targets!r}. Remedy: targets=[{targets!r}]."
         )
+    if not targets:
+        return
     known = [*model.states, *model.inputs, *model.outputs, *model.parameters]
     known += [target for kind in (*CATALOGUE, *catalogue) for target in kind.targets(model)]
     known = list(dict.fromkeys(known))
-    for name in targets or ():
+    for name in targets:
         if name not in known:
             near = get_close_matches(str(name), known, n=1)
             meant = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(known)}."

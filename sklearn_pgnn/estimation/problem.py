@@ -23,6 +23,7 @@ from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import (
     MIN_SAMPLES,
+    WINDOW_SHARE,
     cut,
     cut_exactly,
     median_window_length,
@@ -160,10 +161,13 @@ def _check_count(windows: ShootingWindows, window_length) -> None:
     )
 
 
-def shorter(problem: EstimationProblem) -> EstimationProblem | None:
-    """Return the problem with windows of half the length, or None if they would be too short."""
+def shorter(problem: EstimationProblem, least: float = SHORTEST) -> EstimationProblem | None:
+    """Return the problem with windows of half the length, or None if they would be too short.
+
+    That is by their samples, or as a share of the dominant period.
+    """
     length = problem.scales.window / 2
-    if length < max(problem.min_samples * problem.scales.sample_time, SHORTEST * problem.period):
+    if length < max(problem.min_samples * problem.scales.sample_time, least * problem.period):
         return None
     return recut(problem, length)
 
@@ -175,6 +179,14 @@ def with_few_samples(problem: EstimationProblem) -> EstimationProblem:
     fitted.
     """
     return replace(problem, min_samples=max(2 * free_values(problem.prior), LEAST_SAMPLES))
+
+
+def in_usual_windows(problem: EstimationProblem) -> EstimationProblem | None:
+    """Return the problem with windows of the usual length, or None if they are as long."""
+    length = WINDOW_SHARE * problem.period
+    usual = recut(replace(problem, min_samples=MIN_SAMPLES), length)
+    is_longer = usual is not None and usual.scales.window > problem.scales.window
+    return usual if is_longer else None
 
 
 def longer(problem: EstimationProblem) -> EstimationProblem | None:

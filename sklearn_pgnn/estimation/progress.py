@@ -6,11 +6,13 @@ from math import inf
 from time import monotonic
 
 from sklearn_pgnn.estimation.budgets import BETTER
+from sklearn_pgnn.stages import BEST
 
-#: prefix of a report of the best hypothesis so far, in place of a stage
-BEST = "best candidate so far: "
-#: share of the time limit that tests of what was found until then may take beyond it
-SPARE = 0.1
+#: share of the time limit, and longest time [s], that a search leaves for what follows it: the
+#: first half for tests of what it has found until then, the second for intervals, errors and checks
+RESERVE, MOST_RESERVED = 0.2, 60.0
+#: part of the reserve that is left after these tests
+AFTER_TESTS = 0.5
 
 
 class TimeIsUp(Exception):
@@ -27,46 +29,75 @@ class Progress:
         stage in between that begins with `BEST`.
     time_limit : float, optional
         Time [s] from now on.
+    kept_back : float, default=1
+        Part of the reserve that is kept back where the time counts.
 
     Attributes
     ----------
     stage : str
         The current stage.
     counts : bool
-        Whether the time limit applies: not before there is a result, nor while it is stored.
+        Whether the end of the time, less the reserve, is raised; else a fit ends with what it has
+        where all the time is up: a result there must be.
     ended : str or None
         Reason and stage of an early end; only the steps that the result needs follow it.
+    failed : Exception or None
+        The first error of a stage that was left out.
     """
 
     def __init__(
-        self, report: Callable[[str, int, int], None] | None = None, time_limit: float | None = None
+        self,
+        report: Callable[[str, int, int], None] | None = None,
+        time_limit: float | None = None,
+        kept_back: float = 1.0,
     ):
         self._report = report
         self._limit, self._begun = time_limit, monotonic()
         self.stage, self._done, self._total = "", 0, 1
         self.counts = False
         self.ended: str | None = None
-        self._spares = False
+        self.failed: Exception | None = None
+        self._kept_back, self._is_spare = kept_back, False
         self._least = inf  # error of the best so far, in units of the noise
 
     @property
+    def _raises(self) -> bool:
+        """Whether the end of the time is raised."""
+        return self.counts or self._is_spare
+
+    @property
     def time_left(self) -> float | None:
-        """Time [s] after which `TimeIsUp` is raised; None if there is no limit."""
-        if self._limit is None or not (self._spares or (self.counts and self.ended is None)):
-            return None
-        limit = (1.0 + SPARE) * self._limit if self._spares else self._limit
-        return limit - (monotonic() - self._begun)
+        """Time [s] after which `TimeIsUp` is raised; None if it never is."""
+        return self._left() if self._raises and self._limit is not None else None
+
+    def _left(self) -> float:
+        """Return the time [s] that is left for the present work."""
+        if self._limit is None:
+            return inf
+        reserve = min(RESERVE * self._limit, MOST_RESERVED) if self._raises else 0.0
+        return self._limit - self._kept_back * reserve - (monotonic() - self._begun)
 
     @contextmanager
-    def spare_time(self) -> Iterator[None]:
-        """Cut short what a result gains from but does not need, `SPARE` of the limit beyond it."""
-        self._spares = True
+    def spare_time(self, kept_back: float = 0.0) -> Iterator[None]:
+        """Cut short what a result gains from but does not need, a part of the reserve kept back."""
+        before = self._kept_back, self._is_spare
+        self._kept_back, self._is_spare = kept_back, True
+        try:
+            with self.kept():
+                yield
+        finally:
+            self._kept_back, self._is_spare = before
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Leave a stage where the time is up or it fails: what was found before it is kept."""
         try:
             yield
         except TimeIsUp:
             return
-        finally:
-            self._spares = False
+        except Exception as error:
+            self.failed = self.failed or error
+            self.ended = self.ended or f"{said(error)}, at {self.stage!r}"
 
     def begin(self, stage: str, total: int = 1) -> None:
         """Begin a stage.
@@ -87,26 +118,28 @@ class Progress:
         Raises
         ------
         TimeIsUp
-            If the time is up; once only.
+            If the time is up.
         """
         self._done += 1
         self._total = max(self._total, self._done)
         self.tick()
 
-    def tick(self) -> None:
-        """Note that work goes on within a step.
+    def tick(self) -> bool:
+        """Note that work goes on within a step; return whether a fit shall end with what it has.
 
         Raises
         ------
         TimeIsUp
-            If the time is up; once only, and where spare time is up.
+            If the time is up, and counts.
         """
         if self._report is not None:
             self._report(self.stage, self._done, self._total)
-        left = self.time_left
-        if left is not None and left <= 0:
-            self.ended = self.ended or f"time limit of {self._limit:g} s, at {self.stage!r}"
+        if self._left() > 0:
+            return False
+        if self._raises:
+            self.ended = self.ended or f"time limit, at {self.stage!r}"
             raise TimeIsUp
+        return True
 
     def note(self, times_noise: float, causes: str) -> None:
         """Report causes whose error is clearly less than that of any before, at any stage.
@@ -124,12 +157,13 @@ class Progress:
         if self._report is not None:
             self._report(f"{BEST}error {times_noise:.2f} times the noise with {causes}", 0, 1)
 
-    def end(self, reason: str) -> None:
-        """End early, and report no more.
+    def end(self, error: BaseException) -> None:
+        """End early by an error, and report no more."""
+        self.ended, self._report = f"{said(error)}, at {self.stage!r}", None
 
-        Parameters
-        ----------
-        reason : str
-            The reason.
-        """
-        self.ended, self._report = f"{reason}, at {self.stage!r}", None
+
+def said(error: BaseException) -> str:
+    """Return a short description of what ended a diagnosis or a stage of it."""
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted"
+    return f"unexpected {type(error).__name__}: {error}"

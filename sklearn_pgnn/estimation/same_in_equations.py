@@ -1,5 +1,6 @@
 """Parameters and effects that are equivalent in the equations, whatever their size."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -38,29 +39,22 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
 
 
 def same_causes(
-    model: PhysicsModel, causes: tuple[Effect, ...]
+    model: PhysicsModel,
+    causes: tuple[Effect, ...],
+    each_step: Callable[[], bool | None] = lambda: None,
 ) -> dict[Effect, tuple[Effect, ...]]:
     r"""Sort causes into classes that no record can separate.
 
     Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if
     :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial q'` times a factor that
-    depends on parameters only, or if both only delay the same inputs.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    causes : tuple of Effect
-        The causes.
-
-    Returns
-    -------
-    dict of cause to tuple of cause
-        The first cause of every class, and its other causes.
+    depends on parameters only, or if both only delay the same inputs. The result holds the first
+    cause of every class, with its other causes; without those left where `each_step` returns true.
     """
     classes: dict[Effect, list[Effect]] = {}
     changes: dict[Effect, _Change] = {}
     for cause in causes:
+        if each_step():
+            break
         change = _only_change(model, cause)
         same = [c for c, known in changes.items() if change is not None and change.equals(known)]
         classes.setdefault(same[0] if same else cause, []).append(cause)
@@ -108,22 +102,33 @@ def only_delayed(model: PhysicsModel, extended: PhysicsModel) -> frozenset[str]:
     return frozenset(extended.delays) - frozenset(model.delays)
 
 
-def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
-    r"""Name the model's parameters that a cause covers: re-tuning both would be redundant.
+@lru_cache(maxsize=512)
+def shared_parameters(model: PhysicsModel, cause: Effect) -> dict[str, dict[str, float]]:
+    r"""Return the model's free parameters that are directions of a cause, too, with their weights.
 
-    They are those of which :math:`\partial (f, g)/\partial p` is a combination of the derivatives
-    by the cause's own parameters. Friction that differs by direction covers the viscous friction
-    of a model: the model's own stays at its prior value, and the cause describes the difference.
+    A change of such a parameter :math:`p` is the same as one of the cause's own :math:`q_i`:
+    :math:`\partial (f, g)/\partial p = \sum_i w_i\, \partial (f, g)/\partial q_i`. Friction that
+    differs by direction shares the viscous friction of a model, with :math:`w = 1` for both slopes.
     """
     names = tuple(cause.names().values())
     if isinstance(cause, WrongParameter) or len(names) < 2:
-        return ()
+        return {}
     extended = cause.apply(model)
     if is_of_other_order(model, extended):
-        return ()
+        return {}
     own = np.column_stack([slope.ravel() for slope in _derivatives(extended, names).values()])
     theirs = _derivatives_by_parameters(model)
-    return tuple(name for name, slope in theirs.items() if _is_combined(own, slope.ravel()))
+    told = {name: _weights(own, slope.ravel()) for name, slope in theirs.items()}
+    found = {name: zip(names, w.tolist(), strict=True) for name, w in told.items() if w is not None}
+    return {name: {own: w for own, w in pairs if w} for name, pairs in found.items()}
+
+
+def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
+    """Name the model's parameters that are held in a fit, since a cause shares their direction.
+
+    The cause describes the difference from their prior value, until `shared_part` moves it there.
+    """
+    return tuple(shared_parameters(model, cause))
 
 
 def expressed_parameters(model: PhysicsModel, terms: tuple[Effect, ...]) -> dict[str, np.ndarray]:

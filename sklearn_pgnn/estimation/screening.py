@@ -40,7 +40,7 @@ class Screening:
     """
 
     windows_of: Callable[[PhysicsModel], ShootingWindows]
-    tick: Callable[[], None] = lambda: None
+    tick: Callable[[], bool | None] = lambda: None
     _fits: dict[Effect, tuple[SubsampleFit, SubsampleFit]] = field(default_factory=dict)
     _changes: dict[Effect, np.ndarray] = field(default_factory=dict)
 
@@ -140,7 +140,7 @@ class _View:
 
     windows: ShootingWindows
     fit: WindowFit
-    tick: Callable[[], None]
+    tick: Callable[[], bool | None]
 
     @property
     def residual(self) -> np.ndarray:

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import (
+    MUCH,
     POLISH_STEPS,
     ROUNDING,
     SMALL_CHANGE,
@@ -26,7 +27,7 @@ from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_failures import note_fit, tolerate_failures
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
 from sklearn_pgnn.estimation.poor_windows import refit_poor_windows
-from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.problem import EstimationProblem, in_usual_windows
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.squares_left import squares_by_output, white_squares
 from sklearn_pgnn.estimation.unusable import FailureLog, Unusable
@@ -39,6 +40,8 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 HELD_OUT = "held out"
 #: and of fits with a parameter held away from its estimate
 AWAY = "away from the estimate"
+#: and of fits in windows of the usual length
+USUAL = "in windows of the usual length"
 
 
 class WindowFitter:
@@ -181,21 +184,26 @@ class WindowFitter:
 
     def polish(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Continue a fit to its minimum, also along directions that records hardly determine."""
-        model, start = trial.fit.model, self._start(trial.fit.model)
-        for x0 in (trial.fit.x0, start.x0):
-            fit = self.fit_model(
-                self._tolerate(trial.hypothesis),
-                model,
-                self.problem.windows,
-                trial.fit.freedoms,
-                start,
-                x0,
-                min_steps=STEPS,
-                max_steps=POLISH_STEPS,
-                tolerance=ROUNDING,
-            )
-            self._keep(FittedHypothesis(trial.hypothesis, fit))
+        for x0 in (trial.fit.x0, self._start(trial.fit.model).x0):
+            self._keep(self.polished(trial, trial.fit.model, trial.fit.freedoms, x0))
         return self._known(trial.hypothesis)
+
+    def polished(
+        self, trial: FittedHypothesis, model: PhysicsModel, free, x0: np.ndarray
+    ) -> FittedHypothesis:
+        """Return a hypothesis fitted to its minimum from a model, with some free parameters."""
+        fit = self.fit_model(
+            self._tolerate(trial.hypothesis),
+            model,
+            self.problem.windows,
+            free,
+            self._start(model),
+            x0,
+            min_steps=STEPS,
+            max_steps=POLISH_STEPS,
+            tolerance=ROUNDING,
+        )
+        return FittedHypothesis(trial.hypothesis, fit)
 
     def is_known(self, hypothesis: Hypothesis) -> bool:
         """Return whether a hypothesis was fitted on all windows."""
@@ -402,6 +410,29 @@ class WindowFitter:
             return False
         return not bool((left < self.problem.squares_without_model).any())
 
+    def predicts_nothing(self, trial: FittedHypothesis, smallest_share: float) -> bool:
+        """Return whether a hypothesis tells no more of any output than carrying on does.
+
+        It does so over the windows of the fit, over windows of the usual length, where it leaves
+        more than twice the noise, and in free run, which tells no more than the outputs' mean.
+        """
+        problem, found = self.problem, self.held_out(trial)
+        least = (1.0 - smallest_share) * problem.squares_without_model
+        if found.tells.any() or (found.windows.squares < least).any():
+            return False
+        if (usual := in_usual_windows(problem)) is None:
+            return not _leaves_little(problem, trial.fit)
+        model, start = (
+            trial.fit.model,
+            Start(*usual.states.expected_starts(trial.fit.model, usual.windows)),
+        )
+        tolerate = self._tolerate(trial.hypothesis, USUAL)
+        fit = self.fit_model(tolerate, model, usual.windows, (), start, start.x0)
+        if not fit.usable:
+            return True
+        least = (1.0 - smallest_share) * usual.squares_without_model
+        return not (_leaves_little(usual, fit) or (squares_by_output(usual, fit) < least).any())
+
     def white_squares(self, trial: FittedHypothesis) -> np.ndarray:
         """Return the white part of the squared residuals of a hypothesis, by output."""
         return white_squares(self.problem, trial.fit)
@@ -415,3 +446,9 @@ class WindowFitter:
         start = self._start(fit.model)
         some = FoldFits(self.problem, fit, start, fit_some)
         return CrossValidation(self.problem, *start).run(fit, self.folds, some.learn, some.judge)
+
+
+def _leaves_little(problem: EstimationProblem, fit: WindowFit) -> bool:
+    """Return whether a fit leaves no more than about twice the noise of any output."""
+    left, white = squares_by_output(problem, fit), white_squares(problem, fit)
+    return bool((left <= MUCH**2 * white).all())

@@ -5,7 +5,7 @@ from math import sqrt
 
 import numpy as np
 
-from sklearn_pgnn.estimation.budgets import FOLLOWED, FORGOTTEN
+from sklearn_pgnn.estimation.budgets import FOLLOWED, FORGOTTEN, SHORTEST
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.instability import horizon
 from sklearn_pgnn.estimation.problem import (
@@ -65,12 +65,13 @@ def _before_it_runs_away(fitter: HypothesisFitter) -> HypothesisFitter:
     and windows of a usual number of samples may hold many of these. In short windows it must
     predict some output better than is possible without a model. Where it does so in none, they are
     as long as its foresight and as it remains finite: a cause may be what it lacks. Where none are
-    so short, the shortest are nearest to that, unless it foresees nothing even there.
+    so short, the shortest are nearest to that, unless it foresees nothing even there. A prior that
+    does not even remain finite gets windows in which nothing is seen but that it does.
     """
     tried = [fitter]
     while not _tells(tried[-1]):
-        problem = tried[-1].problem
-        cut = shorter(problem) or shorter(with_few_samples(problem))
+        problem, least = tried[-1].problem, SHORTEST if tried[-1].base().fit.usable else 0.0
+        cut = shorter(problem) or shorter(with_few_samples(problem), least)
         if cut is None:
             last = tried[-1]
             foresees = _leaves_less_than(last, last.problem.squares_about_mean)
@@ -84,8 +85,11 @@ def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter
     r"""Return whether the error grows faster with the windows than under a random disturbance.
 
     In windows of twice the length the error of a random walk is :math:`\sqrt{2}` times as large.
+    A prior that does not remain finite in the longer ones is lost there.
     """
-    return longer_windows.base().times_noise > sqrt(2.0) * shorter_windows.base().times_noise
+    further = longer_windows.base()
+    near = sqrt(2.0) * shorter_windows.base().times_noise
+    return not further.fit.usable or further.times_noise > near
 
 
 def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:

@@ -596,7 +596,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     # -- training ----------------------------------------------------------------------------------
 
     def _fit(self, X, y, *, anew: bool, **fit_params):
-        require_target(self, y)
+        require_target(self, X, y)
         refuse_fit_params(self, {"sample_weight": fit_params.pop("sample_weight", None)})
         self._check_parameters()
         random = check_random_state(self.random_state)

@@ -54,6 +54,8 @@ from sklearn_pgnn.trajectories.contradicted_states import (
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised, warn_of_standardised_outputs
 from sklearn_pgnn.trajectories.measured import of_measured
+from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.repeated_records import warn_of_repeats
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import (
@@ -194,6 +196,11 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.verbose = verbose
 
+    def _warn_of(self, records: tuple[Record, ...], noise_is_told: bool) -> None:
+        """Warn of what records tell less than they seem to."""
+        warn_of_constant_outputs(self.model, records, noise_is_told=noise_is_told)
+        warn_of_repeats(records)
+
     def fit(self, X, y, **fit_params):
         """Fit the free parameters.
 
@@ -222,7 +229,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_fit_params(self, fit_params)
         check_model(self.model)
         told = read_noise_std(self.noise_std, list(self.model.outputs))
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         names = self._free_names()
         if self.search not in SEARCHES:
@@ -231,7 +238,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         warn_of_standardised_outputs(self.model, records)
         warn_of_contradicted_states(self.model, records)
-        warn_of_constant_outputs(self.model, records, noise_is_told=told is not None)
+        self._warn_of(records, told is not None)
         pieces = without_gaps(records, self.window_length)
         found = self._find(pieces, names)
         windows = found.windowed.windows

@@ -1,27 +1,19 @@
 """Verbose output of the estimators."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
 
 #: takes one line of text
 PrintLine = Callable[[str], None]
 
 
-def silence(text: str) -> None:
+def silence(*_) -> None:
     """Do nothing: the progress of a search without ``verbose``."""
 
 
 def progress_printer(estimator) -> PrintLine:
     """Return a function that prints a line if the estimator is verbose, and else does nothing.
-
-    Parameters
-    ----------
-    estimator : estimator
-        Has a parameter ``verbose``.
-
-    Returns
-    -------
-    callable
-        Takes a line of text.
 
     Examples
     --------
@@ -37,3 +29,56 @@ def progress_printer(estimator) -> PrintLine:
         print(f"[{name}] {text}", flush=True)
 
     return print_line
+
+
+@contextmanager
+def progress_display(estimator) -> Iterator[Callable[..., None]]:
+    """Show stages, by a bar in a terminal and by lines elsewhere, if the estimator is verbose.
+
+    Yields a function that is called as ``show(stage, done, total)``.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import ModelDiagnosis
+    >>> with progress_display(ModelDiagnosis(None, verbose=1)) as show:
+    ...     show("candidates", 2, 20)
+    [ModelDiagnosis] simulating the candidates: 2 of 20 ...
+    """
+    if not estimator.verbose:
+        yield silence
+        return
+    from rich.console import Console
+
+    from sklearn_pgnn.progress_display import shown_progress
+
+    with shown_progress(Console(), type(estimator).__name__) as show:
+        yield show
+
+
+def with_progress(method):
+    """Decorate a method: while it runs, ``self._show`` reports stages to a display and a callback.
+
+    The callback is the parameter ``progress``, where the estimator has one.
+    """
+
+    @wraps(method)
+    def shown(self, *args, **kwargs):
+        with progress_display(self) as show:
+            self._show = _both(show, getattr(self, "progress", None))
+            try:
+                return method(self, *args, **kwargs)
+            finally:
+                del self._show
+
+    return shown
+
+
+def _both(show, told):
+    if show is silence or told is None:
+        return told if show is silence else show
+
+    def report(*step) -> None:
+        show(*step)
+        told(*step)
+
+    return report

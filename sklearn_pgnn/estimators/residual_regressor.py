@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, MultiOutputMixin, clone
 from sklearn.linear_model import LinearRegression
+from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_array, check_consistent_length, get_tags
@@ -58,8 +59,8 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         The model. Without one, :math:`y = g(X)` on all columns of X except time and trajectory.
     regressor : regressor, optional
         Regressor of the error; by default least squares on standardised features. It is cloned,
-        and its own `random_state` controls its random numbers. For a model with several outputs it
-        must predict several (`sklearn.multioutput.MultiOutputRegressor` makes it do so).
+        and its own `random_state` controls its random numbers. One that predicts a single output is
+        fitted once per output, in a `sklearn.multioutput.MultiOutputRegressor`.
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first, or without a
         model none.
@@ -164,7 +165,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         refuse_fit_params(self, fit_params)
         check_model(self.model, optional=True)
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         self._single_output = np.asarray(y).ndim == 1
         if self.model is None:
@@ -178,7 +179,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "a model of that output alone (model.replace(outputs=...))."
             )
         target = error[rows, 0] if error.shape[1] == 1 else error[rows]
-        self.regressor_ = clone(self._regressor()).fit(features[rows], target)
+        self.regressor_ = _for_targets(clone(self._regressor()), target).fit(features[rows], target)
         return self
 
     def predict(self, X):
@@ -328,10 +329,15 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def __sklearn_tags__(self):
         tags, inner = super().__sklearn_tags__(), get_tags(self._regressor())
         physical = self.model is not None
-        tags.target_tags.multi_output = inner.target_tags.multi_output
         tags.input_tags.allow_nan = physical or inner.input_tags.allow_nan  # in states
         tags.regressor_tags.poor_score = physical or inner.regressor_tags.poor_score
         return tags
+
+
+def _for_targets(regressor, target):
+    """Return a regressor that takes the targets, one copy per output where it takes only one."""
+    takes = target.ndim == 1 or get_tags(regressor).target_tags.multi_output
+    return regressor if takes else MultiOutputRegressor(regressor)
 
 
 def _plain_outputs(X, y) -> np.ndarray:

@@ -8,6 +8,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.progress import progress_printer
+from sklearn_pgnn.estimators.sindyc_gaps import refuse_no_rows, warn_of_gaps
 from sklearn_pgnn.estimators.sindyc_library import read_library, term_function, term_texts
 from sklearn_pgnn.estimators.sindyc_model import (
     complete,
@@ -61,7 +62,9 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     with the library's terms :math:`\Psi` and a sparse matrix :math:`\Xi` [1]_. The states are
     estimated from the records' outputs; a position's rate is its velocity, which is not
     identified. Rates are averaged over a short span, over which the equations hold as well: from
-    one sample to the next they would be noise. No span reaches from one trajectory into another.
+    one sample to the next they would be noise. No span reaches from one trajectory into another, or
+    into a gap, longer than itself, of a state in the library; where more than a fifth of the time
+    is in gaps a `RecordWarning` says so.
 
     Without a model the states are the columns of y, under their own names, and every other column
     of X is an input. Without a model and a time (plain arrays, no column ``t``) the rows are
@@ -222,7 +225,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If pysindy is not installed.
         """
         refuse_fit_params(self, fit_params)
-        require_target(self, y)
+        require_target(self, X, y)
         self._check_parameters()
         y = as_pandas(y)
         self._single_output = np.asarray(y).ndim == 1
@@ -370,9 +373,15 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         known = () if self.discrete else velocities(base)
         names = list(base.states)
         chosen = [i for i, name in enumerate(names) if name not in known]
-        found = np.zeros((len(names), len(library)))
+        inside = {str(each) for term in library for each in term.free_symbols}
+        used = np.array([name in inside for name in names])
+        in_gaps, found = states.in_gaps(self.span), np.zeros((len(names), len(library)))
+        warn_of_gaps(in_gaps & used, states.durations(), names)
         for group in states.alike(chosen):
-            terms, rates = rows(states, values, self.span, states.is_measured[:, group[0]])
+            gaps = in_gaps & (used | np.isin(np.arange(len(names)), group))
+            ends = states.is_measured[:, group[0]]
+            terms, rates = rows(states, values, self.span, ends, gaps.any(axis=1))
+            refuse_no_rows(terms, gaps, names)
             found[group] = self._regress(terms, rates[:, group], [names[i] for i in group])
         return found[chosen]
 

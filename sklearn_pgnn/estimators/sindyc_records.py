@@ -12,7 +12,8 @@ picks the states out of the terms. No row reaches over the end of a trajectory.
 
 Between two measured samples a state is interpolated, and its rate there is that of the
 interpolation. A span therefore begins and ends where its state was measured: behind a sensor that
-is read at every :math:`n`-th sample only, it is at least :math:`n` samples long.
+is read at every :math:`n`-th sample only, it is at least :math:`n` samples long. No span reaches
+into a gap of a state that is used (`sklearn_pgnn.estimators.sindyc_gaps`).
 """
 
 from dataclasses import dataclass, replace
@@ -20,6 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from sklearn_pgnn.estimators.sindyc_gaps import GAP, steps_in_gap
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import window_records
@@ -33,8 +35,6 @@ SPAN_SHARE = 1 / 30
 UNEVEN = 0.01
 #: least share of a map's spans that must contain no different interval
 EVEN_SHARE = 0.5
-#: a span this many times longer than expected from its number of samples contains a gap
-GAP = 1.5
 
 
 @dataclass(frozen=True)
@@ -66,22 +66,33 @@ class MeasuredStates:
     is_measured: np.ndarray
 
     def alike(self, chosen: list[int]) -> list[list[int]]:
-        """Group states that were measured at the same samples.
-
-        Parameters
-        ----------
-        chosen : list of int
-            The states to group.
-
-        Returns
-        -------
-        list of list of int
-            The groups.
-        """
+        """Group states that were measured at the same samples."""
         groups: dict[bytes, list[int]] = {}
         for i in chosen:
             groups.setdefault(self.is_measured[:, i].tobytes(), []).append(i)
         return list(groups.values())
+
+    def in_gaps(self, span: float | None) -> np.ndarray:
+        """Return whether the step after a sample lies in a gap of a state, for every state."""
+        found = np.zeros(self.is_measured.shape, dtype=bool)
+        for rows in self.pieces:
+            t = self.windows.t[rows]
+            longest = self.samples_of(span, t) * float(np.median(np.diff(t)))
+            for column, measured in zip(found.T, self.is_measured.T, strict=True):
+                column[rows][:-1] = steps_in_gap(t, measured[rows], longest)
+        return found
+
+    def samples_of(self, span: float | None, t: np.ndarray) -> int:
+        """Return the number of steps of a span in a record."""
+        wanted = SPAN_SHARE * self.period if span is None else span
+        return int(np.clip(round(wanted / np.median(np.diff(t))), 1, t.size - 1))
+
+    def durations(self) -> np.ndarray:
+        """Return the time to the next sample of the same record; 0 where it does not count."""
+        found = np.zeros(self.windows.t.size)
+        for rows in self.pieces:
+            found[rows][:-1] = np.diff(self.windows.t[rows])
+        return found
 
     @property
     def pieces(self) -> list[slice]:
@@ -99,22 +110,7 @@ class MeasuredStates:
 
 
 def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
-    """Estimate the states of a model from the outputs of records.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        The records.
-    **options
-        See `window_records`.
-
-    Returns
-    -------
-    MeasuredStates
-        The states.
-    """
+    """Estimate the states of a model from the outputs of records; options of `window_records`."""
     if not hidden_states(model):  # nothing is simulated: steps are irrelevant
         options |= {"substeps": 1}
     windowed = window_records(model, records, **options)
@@ -126,33 +122,19 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
     )
 
 
-def rate_rows(states: MeasuredStates, library, span: float | None, ends=None):
-    """Return rates and terms of a continuous model, averaged over spans.
+def rate_rows(states: MeasuredStates, library, span: float | None, ends=None, gaps=None):
+    """Return terms and rates of a continuous model, averaged over spans, row by row.
 
-    Parameters
-    ----------
-    states : MeasuredStates
-        The states.
-    library : callable
-        Values of the terms at states, inputs and times.
-    span : float or None
-        Length of a span [s]; by default `SPAN_SHARE` of the dominant period.
-    ends : ndarray of bool, shape (n_samples,), optional
-        Samples at which a span may begin and end; by default all.
-
-    Returns
-    -------
-    terms : ndarray of shape (n_rows, n_terms)
-        Averages of the terms, by the trapezoidal rule with the inputs held as they are.
-    rates : ndarray of shape (n_rows, n_states)
-        Averages of the rates [unit of the state per second].
+    Spans, by default `SPAN_SHARE` of the dominant period, begin and end at samples that `ends`
+    allows, and contain none of `gaps`. Terms are averaged by the trapezoidal rule with the inputs
+    held as they are.
     """
     terms, rates = [], []
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
         dt, spans = np.diff(t), _spans(states, span, rows, ends)
         h = spans.change(t)
-        whole = h < GAP * spans.counts * np.median(dt)
+        whole = (h < GAP * spans.counts * np.median(dt)) & _is_clear(spans, gaps, rows)
         before, after = _at_both_ends(library, x, u, t, states.windows.hold)
         half, means = dt / 2, np.empty((before.shape[1], h.size))
         for mean, start, end in zip(means, before.T, after.T, strict=True):
@@ -170,31 +152,10 @@ def _at_both_ends(library, x, u, t, hold: str) -> tuple[np.ndarray, np.ndarray]:
     return library(x[:-1], u[:-1], t[:-1]), library(x[1:], u[:-1], t[1:])
 
 
-def step_rows(states: MeasuredStates, library, span: float | None, ends=None):
-    """Return steps and terms of a map from sample to sample, averaged over spans.
+def step_rows(states: MeasuredStates, library, span: float | None, ends=None, gaps=None):
+    """Return terms and steps of a map from sample to sample, as `rate_rows` does those of rates.
 
-    Parameters
-    ----------
-    states : MeasuredStates
-        The states.
-    library : callable
-        Values of the terms at states, inputs and times.
-    span : float or None
-        Length of a span [s]; by default `SPAN_SHARE` of the dominant period.
-    ends : ndarray of bool, shape (n_samples,), optional
-        Samples at which a span may begin and end; by default all.
-
-    Returns
-    -------
-    terms : ndarray of shape (n_rows, n_terms)
-        Averages of the terms.
-    steps : ndarray of shape (n_rows, n_states)
-        Averages of the steps [unit of the state].
-
-    Raises
-    ------
-    RecordError
-        If most samples are not at equal intervals.
+    `RecordError` if most samples are not at equal intervals.
     """
     terms, steps, wanted, T = [], [], 0, states.interval
     for rows in states.pieces:
@@ -203,9 +164,10 @@ def step_rows(states: MeasuredStates, library, span: float | None, ends=None):
         even = spans.sums(_is_other(np.diff(t), T)) == 0
         values = library(x[:-1], u[:-1], t[:-1])
         means = np.array([spans.sums(term) / spans.counts for term in values.T])
-        terms.append(_chosen(means, even))
-        steps.append(_chosen(spans.change(x).T / spans.counts, even))
-        wanted += even.size
+        clear = _is_clear(spans, gaps, rows)
+        terms.append(_chosen(means, even & clear))
+        steps.append(_chosen(spans.change(x).T / spans.counts, even & clear))
+        wanted += int(np.count_nonzero(clear))
     if sum(part.shape[1] for part in terms) < EVEN_SHARE * wanted:
         raise RecordError(
             f"X: a discrete model needs samples at equal intervals; too many differ from their "
@@ -269,8 +231,7 @@ class _Spans:
 def _spans(states: MeasuredStates, span: float | None, rows: slice, ends) -> _Spans:
     """Return the spans of one record, each the shortest of the wanted length at least."""
     t = states.windows.t[rows]
-    span = SPAN_SHARE * states.period if span is None else span
-    m = int(np.clip(round(span / np.median(np.diff(t))), 1, t.size - 1))
+    m = states.samples_of(span, t)
     if ends is None or ends[rows].all():
         return _Spans(slice(None, -m), slice(m, None), m)
     allowed = np.flatnonzero(ends[rows])
@@ -278,6 +239,11 @@ def _spans(states: MeasuredStates, span: float | None, rows: slice, ends) -> _Sp
     reached = place < allowed.size
     begin, end = allowed[reached], allowed[place[reached]]
     return _Spans(begin, end, end - begin)
+
+
+def _is_clear(spans: _Spans, gaps, rows: slice):
+    """Return which spans contain no gap."""
+    return True if gaps is None else spans.sums(gaps[rows][:-1]) == 0
 
 
 def _is_other(intervals, T: float) -> np.ndarray:

@@ -43,6 +43,9 @@ class Detectable:
         Whether the diagnosis itself found it at the smallest size; None if that was not tried.
     at_smallest : Effect or None
         The effect at its smallest size.
+    is_least_tried : bool
+        Whether the smallest size is the smallest that was tried, such as a delay of half a sample:
+        of smaller ones nothing is known.
 
     Examples
     --------
@@ -61,6 +64,7 @@ class Detectable:
     reason: str = ""
     found: bool | None = None
     at_smallest: Effect | None = field(default=None, repr=False)
+    is_least_tried: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,12 +108,13 @@ class Detectability:
         Returns
         -------
         DataFrame
-            Effect, target, the smallest size with its parameter and unit, the power at multiples
-            of it, why an effect is never detected, and whether the diagnosis itself found it.
+            Effect, target, the smallest size with its parameter and unit, whether it is the
+            smallest that was tried, the power at multiples of it, why an effect is never detected,
+            and whether the diagnosis itself found it.
         """
         table = []
         for row in self.rows:
-            known = ("effect", "target", "parameter", "smallest", "unit")
+            known = ("effect", "target", "parameter", "smallest", "unit", "is_least_tried")
             line = {name: getattr(row, name) for name in known}
             line |= {f"power at {m:g}x": power for m, power in self._powers(row)}
             table.append(line | {"reason": row.reason, "found": row.found})
@@ -208,8 +213,6 @@ class _Sizes:
 
     def described(self, curve: dict[float, float], power: float) -> Detectable:
         found = [share for share in curve if curve[share] >= power]
-        if found and min(curve.values()) >= power:
-            found = []
         smallest = self.of_size(min(found)) if found else None
         points = [(self.size_of(self.of_size(share)), curve[share]) for share in sorted(curve)]
         return Detectable(
@@ -221,6 +224,7 @@ class _Sizes:
             curve=((self.none, 0.0), *points),
             reason="" if found else self._why_not(max(curve, default=0.0), power),
             at_smallest=smallest,
+            is_least_tried=bool(found) and min(found) == min(curve),
         )
 
     def _unit(self, effect: Effect) -> str:
@@ -229,8 +233,6 @@ class _Sizes:
     def _why_not(self, share: float, power: float) -> str:
         """Return why even the largest size that can be simulated is not detected."""
         analysis, effect = self.analysis, self.of_size(share)
-        if share and analysis.power(effect, self.bare) >= power:
-            return "is named at every size tried, however small"
         windows = analysis.windows_with(effect, self.bare) if share else None
         if windows is None:
             return "however small, the simulation with it becomes non-finite"

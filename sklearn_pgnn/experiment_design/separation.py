@@ -163,7 +163,9 @@ def _designs(records: DiagnosisRecords, reach: float):
 # -- models ----------------------------------------------------------------------------------------
 
 
-def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callable[[], None] | None):
+def swap(
+    records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callable[[], bool | None] | None
+):
     """Fit the model with one cause in the place of another.
 
     Parameters
@@ -321,7 +323,7 @@ def separate(
     other: Effect,
     criterion: SelectionCriterion,
     reach: float = 1.0,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> Separation:
     """Find the experiments that would separate two causes.
 

@@ -60,7 +60,7 @@ def to_modelica(
     model lag "lag"
       parameter Real T = 2.0;
       input Real u(unit="V");
-      output Real seen;
+      output Real seen(unit="V^2");
       Real y(unit="V", start=0.0, fixed=true);
     equation
       der(y) = (u - y)/T;

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.fleet.machine import Machine, acts
 from sklearn_pgnn.fleet.spread import first_ones, standard_error
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.diagnosis_comparison import Quantity, compare
 from sklearn_pgnn.inspection.numbers import measured
-from sklearn_pgnn.inspection.words import VERDICTS
 
 #: the names of the two times
 NAMES = ("before", "now")

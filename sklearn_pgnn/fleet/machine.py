@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.estimation.candidate import Candidate
-from sklearn_pgnn.inspection.words import NO_CAUSE, RUNS_AWAY, VERDICTS, verdict_in_words
 
 FAILED = "Not diagnosed"
 #: the verdicts in words, with an entry for no verdict
-SAID = (*VERDICTS.values(), NO_CAUSE, RUNS_AWAY, FAILED)
+SAID = (*VERDICTS.values(), FAILED)
 #: the order of verdicts in a fleet
-ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
+ORDER = (*VERDICTS, "failed")
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Machine:
     @property
     def said(self) -> str:
         """The verdict in words, one of `SAID`."""
-        return FAILED if self.found is None else verdict_in_words(self.found)
+        return FAILED if self.found is None else VERDICTS[self.verdict]
 
     @property
     def named(self) -> dict[Candidate, Mapping]:
@@ -68,14 +68,14 @@ class Machine:
 
     @property
     def sure(self) -> float:
-        """Probability that the first cause, or a rival in its place, acts; 0 without a cause."""
+        """Probability that a cause, or a rival in its place, acts; 0 where none was tested."""
         return max(map(acts, self.named.values()), default=0.0)
 
     @property
     def rank(self) -> tuple:
         """Sort key of machines, the surest first."""
         first = next(iter(self.named.values()), None)
-        alone = 0.0 if first is None else first["probability"]
+        alone = 0.0 if first is None else first["probability"] or 0.0
         return ORDER.index(self.verdict), -self.sure, -alone, -self.explained, self.name
 
     @property
@@ -86,22 +86,14 @@ class Machine:
 
 
 def acts(cause: Mapping) -> float:
-    """Return the probability that a cause, or one of its rivals, acts.
-
-    Parameters
-    ----------
-    cause : mapping
-        A cause of `ModelDiagnosis.to_dict`.
-
-    Returns
-    -------
-    float
-        From 0 to 1.
+    """Return the probability that a cause of `ModelDiagnosis.to_dict`, or a rival of it, acts.
 
     Examples
     --------
     >>> acts({"probability": 0.5, "confused_with": [{"probability": 0.25}]})
     0.75
+    >>> acts({"probability": None, "confused_with": []})  # provisional
+    0.0
     """
-    rivals = cause["confused_with"]
-    return min(1.0, float(cause["probability"] + sum(rival["probability"] for rival in rivals)))
+    each = [cause["probability"], *(rival["probability"] for rival in cause["confused_with"])]
+    return min(1.0, float(sum(probability or 0.0 for probability in each)))

@@ -8,7 +8,7 @@ from typing import Any
 
 from sklearn_pgnn import __version__
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import UNUSABLE, RecordWarning
+from sklearn_pgnn.exceptions import UNUSABLE, DiagnosisWarning, RecordWarning
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -87,6 +87,7 @@ class Job:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("ignore")
             warnings.simplefilter("always", RecordWarning)
+            warnings.simplefilter("always", DiagnosisWarning)
             try:
                 parts = self._diagnose(records)
             except UNUSABLE as error:
@@ -94,6 +95,8 @@ class Job:
             except Exception as error:
                 said = f"a bug in sklearn-pgnn, {type(error).__name__}: {error}"
                 parts = {"found": None, "failed": said, "is_final": False}
+        if any(issubclass(warning.category, DiagnosisWarning) for warning in told):
+            parts["is_final"] = False
         warned = tuple(dict.fromkeys(str(warning.message) for warning in told))
         return Outcome(name, seconds=time.process_time() - began, warned=warned, **parts)
 

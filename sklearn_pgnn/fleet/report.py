@@ -9,14 +9,22 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.fleet.machine import FAILED, SAID, Machine
 from sklearn_pgnn.fleet.spread import ParameterSpread
 from sklearn_pgnn.fleet.store import PAGE, Store
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import chance, measured, number, percent, sized
+from sklearn_pgnn.inspection.numbers import (
+    chance,
+    measured,
+    number,
+    percent,
+    sized,
+    typeset_unit,
+)
 from sklearn_pgnn.inspection.report.page import digest, render, style_sheet
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, strip
-from sklearn_pgnn.inspection.words import VERDICTS
+from sklearn_pgnn.record_quality.wording import listed
 
 #: a verdict's colour
 COLOUR = {VERDICTS["model_adequate"]: "good", FAILED: "bad"}
@@ -93,7 +101,7 @@ def _row(machine: Machine, fleet, folder: Path) -> dict:
         "css": COLOUR.get(machine.said, "look"),
         "said": machine.said,
         "causes": _named(machine) or ([machine.failed] if machine.failed else []),
-        "sure": chance(machine.sure) if machine.named else "",
+        "sure": chance(machine.sure or None) if machine.named else "",
         "explained": percent(machine.explained) if machine.named else "",
         "odd": "; ".join(odd),
         "faults": _faults(machine),
@@ -104,7 +112,7 @@ def _named(machine: Machine) -> list[str]:
     said = []
     for pair, cause in machine.named.items():
         sizes = (
-            f"{name.replace('_', ' ')} {sized(*_ends(size), size['unit'])}"
+            f"{name.replace('_', ' ')} {sized(*_ends(size), typeset_unit(size['unit']))}"
             for name, size in cause["parameters"].items()
             if size["value"] is not None
         )
@@ -118,7 +126,7 @@ def _ends(size) -> tuple[float, float, float]:
 
 
 def _odd(spread: ParameterSpread, name: str) -> str:
-    value = measured(*spread.values[name], spread.unit)
+    value = measured(*spread.values[name], typeset_unit(spread.unit))
     return f"{spread.name} {value}, usually {number(spread.usual, 3)}"
 
 
@@ -150,12 +158,18 @@ def _parameter(spread: ParameterSpread) -> dict:
     scale = Scale.over(values)
     return {
         "name": spread.name,
-        "given": f"{number(spread.prior)} {spread.unit}",
-        "usual": f"{number(spread.usual)} {spread.unit}",
-        "between": "the same on all" if spread.shared else f"± {number(spread.spread, 2)}",
+        "given": f"{number(spread.prior)} {typeset_unit(spread.unit)}",
+        "usual": f"{number(spread.usual)} {typeset_unit(spread.unit)}",
+        "between": _between(spread),
         "strip": _strip(spread, scale, values),
         "scale": scale_text(scale),
     }
+
+
+def _between(spread: ParameterSpread) -> str:
+    """Return how far the machines that are not odd differ."""
+    said = "the same" if spread.shared else f"± {number(spread.spread, 2)}"
+    return f"{said} on all but {listed(spread.odd)}" if spread.odd else f"{said} on all"
 
 
 def _strip(spread: ParameterSpread, scale: Scale, values: np.ndarray) -> Markup:
@@ -164,7 +178,7 @@ def _strip(spread: ParameterSpread, scale: Scale, values: np.ndarray) -> Markup:
     places = dict(zip(spread.values, scale.place(values), strict=True))
     for name in sorted(places, key=spread.odd.__contains__):
         css = "odd" if name in spread.odd else "like"
-        told = f"{name}: {measured(*spread.values[name], spread.unit)}"
+        told = f"{name}: {measured(*spread.values[name], typeset_unit(spread.unit))}"
         shapes.append(dot(float(places[name]), css, told))
     return strip(spread.name, shapes)
 

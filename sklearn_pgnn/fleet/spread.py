@@ -6,22 +6,30 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2, norm
+from scipy.stats import t as student
 
-#: half-width of a 95 % interval in standard errors, and a standard deviation in median deviations
-WIDTH, DEVIATION = float(norm.ppf(0.975)), 1.0 / float(norm.ppf(0.75))
-#: fewest machines that make a fleet, of which one may be odd
-FEWEST = 5
+#: half-width of a 95 % interval in standard errors
+WIDTH = float(norm.ppf(0.975))
+#: fewest machines of which one may be odd
+FEWEST = 3
 
 
 @dataclass(frozen=True)
 class ParameterSpread:
     r"""A parameter over the machines of a fleet.
 
-    With the estimates :math:`v_i` and their standard errors :math:`s_i`, the usual value is the
-    median :math:`c`, and the spread between machines is the part beyond the estimates' own errors:
+    A machine is odd by the generalised extreme studentised deviate [1]_: each of :math:`n`
+    estimates :math:`v_i` with standard errors :math:`s_i` is compared with the mean :math:`m` and
+    the variance :math:`S^2` of the others, which is not below the power :math:`\bar s^2` of their
+    errors,
 
-    .. math:: \tau^2 = \max(0,\ (1.48\ \mathrm{med}|v_i - c|)^2 - \mathrm{med}\,s_i^2),
-        \qquad z_i = \frac{v_i - c}{\sqrt{\tau^2 + s_i^2}}
+    .. math:: t_i = \frac{v_i - m}{\sqrt{\max(S^2, \bar s^2)\, n / (n - 1) +
+        \max(0, s_i^2 - \bar s^2)}},
+
+    by Student's distribution with :math:`n - 2` degrees of freedom, for the largest of :math:`n`.
+    The farthest is set aside and the rest is looked at again, up to less than half of them, so that
+    several odd ones do not hide each other. The spread between the machines that are alike is what
+    their variance exceeds their errors by, :math:`\tau^2 = \max(0, S^2 - \bar s^2)`.
 
     Parameters
     ----------
@@ -30,12 +38,17 @@ class ParameterSpread:
     prior, usual, spread : float
         Value of the given model, median over the machines, and :math:`\tau` [unit].
     shared : bool
-        Whether one value fits all machines, within their intervals.
+        Whether one value fits all machines that are not odd, within their intervals.
     values : dict of str to tuple of float
         By machine the value and the ends of its 95 % interval [unit].
     odd : dict of str to float
         The machines that are unlike the others, each with the probability of a value so far off on
         a machine that is like them.
+
+    References
+    ----------
+    .. [1] B. Rosner, "Percentage points for a generalized ESD many-outlier procedure",
+       Technometrics 25(2), 1983, :doi:`10.1080/00401706.1983.10487848`.
 
     Examples
     --------
@@ -58,30 +71,9 @@ class ParameterSpread:
 
 
 def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> ParameterSpread | None:
-    """Compare a parameter over the machines.
+    """Compare a parameter over the machines; None where no machine has an estimate.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    found : mapping of str to mapping
-        By machine its estimate: ``value``, ``low``, ``high``, ``prior`` and ``unit``.
-    rate : float
-        Largest expected share of false ones among the machines that are called odd.
-
-    Returns
-    -------
-    ParameterSpread or None
-        None where no machine has an estimate.
-
-    Examples
-    --------
-    >>> def kg(value):
-    ...     return dict(value=value, low=value - 0.1, high=value + 0.1, prior=2.0, unit="kg")
-    >>> masses = {"a": 2.0, "b": 2.02, "c": 1.98, "d": 2.01, "e": 2.9, "f": 1.99}
-    >>> mass = spread_of("m", {name: kg(value) for name, value in masses.items()}, 0.01)
-    >>> mass.usual, list(mass.odd)
-    (2.005, ['e'])
+    At the rate, a machine is called odd where all are alike.
     """
     told = {m: e for m, e in found.items() if e["value"] is not None}
     if not told:
@@ -91,22 +83,55 @@ def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> Parameter
     errors = np.array([standard_error(e["low"], e["high"]) for e in told.values()])
     known = np.isfinite(errors)
     usual = float(np.median(values[known] if known.any() else values))
-    apart = values - usual
-    spread, shared, odd = 0.0, True, {}
-    if known.sum() >= FEWEST:
-        middle = DEVIATION * np.median(np.abs(apart[known]))
-        spread = math.sqrt(max(0.0, middle**2 - float(np.median(errors[known] ** 2))))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            squares = np.nansum((apart[known] / errors[known]) ** 2)
-            chances = 2 * norm.sf(np.abs(apart) / np.hypot(spread, errors))
-        shared = bool(chi2.sf(squares, known.sum() - 1) > rate)
-        chances[~known] = np.nan
-        told_odd = first_ones(chances, rate)
-        odd = {m: float(p) for m, p, o in zip(told, chances, told_odd, strict=True) if o}
+    machines = [machine for machine, is_known in zip(told, known, strict=True) if is_known]
+    values, errors = values[known], errors[known]
+    odd = _odd(values, errors, rate)
+    alike = np.setdiff1d(np.arange(values.size), [*odd])
+    spread, shared = _between(values[alike], errors[alike], rate)
     intervals = {m: _interval(e) for m, e in told.items()}
-    return ParameterSpread(
-        name, first["unit"], _or_nan(first.get("prior")), usual, spread, shared, intervals, odd
-    )
+    unlike = {machines[i]: chance for i, chance in odd.items()}
+    prior = _or_nan(first.get("prior"))
+    return ParameterSpread(name, first["unit"], prior, usual, spread, shared, intervals, unlike)
+
+
+def _odd(values: np.ndarray, errors: np.ndarray, rate: float) -> dict[int, float]:
+    """Return the odd ones of some estimates, each with the probability of one so far off."""
+    rest = alike = np.arange(values.size)
+    while rest.size >= max(FEWEST, values.size // 2 + 2):
+        chances = _chances(values[rest], errors[rest])
+        first = int(np.argmin(chances))
+        rest, is_odd = np.delete(rest, first), chances[first] * rest.size < rate
+        alike = rest if is_odd else alike
+    odd = np.setdiff1d(np.arange(values.size), alike).tolist()
+    beside = [np.append(i, alike) for i in odd]
+    return {i: float(_chances(values[b], errors[b])[0]) for i, b in zip(odd, beside, strict=True)}
+
+
+def _chances(values: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Return for every estimate the probability of one so far from the others."""
+    n = values.size
+    mean, power = _without_each(values), _without_each(errors**2)
+    square = (_without_each(values**2) - mean**2) * (n - 1) / (n - 2)
+    size = np.maximum(square, power) * n / (n - 1) + np.maximum(errors**2 - power, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = np.nan_to_num(np.abs(values - mean) / np.sqrt(size), nan=0.0)
+    return 2 * student.sf(far, n - 2)
+
+
+def _without_each(values: np.ndarray) -> np.ndarray:
+    """Return the mean of all but one, for every one."""
+    return (values.sum() - values) / (values.size - 1)
+
+
+def _between(values: np.ndarray, errors: np.ndarray, rate: float) -> tuple[float, bool]:
+    """Return the spread between machines, and whether one value fits them all."""
+    if values.size < 2:
+        return 0.0, True
+    spread = math.sqrt(max(0.0, float(np.var(values, ddof=1) - np.mean(errors**2))))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = np.where(errors > 0, errors, np.finfo(float).tiny) ** -2.0
+        squares = np.sum(weights * (values - np.average(values, weights=weights)) ** 2)
+    return spread, bool(chi2.sf(squares, values.size - 1) > rate)
 
 
 def standard_error(low: float | None, high: float | None) -> float:

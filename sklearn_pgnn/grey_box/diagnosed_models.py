@@ -1,19 +1,26 @@
 """The diagnosis of a recipe's prior, and the models of the depths that follow from it."""
 
+import warnings
+from collections.abc import Callable
 from typing import Any
 
 from joblib import Memory
 from sklearn.base import clone
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.exceptions import DiagnosisWarning
 from sklearn_pgnn.grey_box.default_parts import diagnosis_or_default
 from sklearn_pgnn.grey_box.tables import PlainTable
 from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
+from sklearn_pgnn.grey_box.time_limit import TimeLimit
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.user_line import warn_user
 
+#: is told of a stage, the number of steps done and of all
+Show = Callable[..., None]
 
-def prepare_diagnosis(diagnosis, model: PhysicsModel, *, judges_new_records: bool):
+
+def prepare_diagnosis(diagnosis, model: PhysicsModel, time: TimeLimit, *, judges_new_records: bool):
     """Return the diagnosis to be made of the prior.
 
     Parameters
@@ -22,6 +29,8 @@ def prepare_diagnosis(diagnosis, model: PhysicsModel, *, judges_new_records: boo
         The settings that the user gives.
     model : PhysicsModel
         The prior.
+    time : TimeLimit
+        The time limit of the recipe.
     judges_new_records : bool
         Whether folds hide whole trajectories; if not, the default settings leave out functions of
         the time.
@@ -34,7 +43,8 @@ def prepare_diagnosis(diagnosis, model: PhysicsModel, *, judges_new_records: boo
     own: dict[str, Any] = {"model": model, "time_column": None, "n_jobs": None}
     if diagnosis is None and not judges_new_records:
         own["catalogue"] = time_invariant_causes(model)
-    return clone(diagnosis_or_default(diagnosis, model)).set_params(**own)
+    prepared = clone(diagnosis_or_default(diagnosis, model))
+    return prepared.set_params(**own, time_limit=time.of_diagnosis(prepared.time_limit))
 
 
 def threads_of(diagnosis: ModelDiagnosis | None, n_jobs: int | None) -> int | None:
@@ -43,43 +53,36 @@ def threads_of(diagnosis: ModelDiagnosis | None, n_jobs: int | None) -> int | No
     return n_jobs if own is None else own
 
 
-def diagnose(diagnosis: ModelDiagnosis, table: PlainTable, memory: Memory, n_jobs):
-    """Diagnose the prior; if the diagnosis fails, return its best result until then.
+def diagnose(
+    diagnosis: ModelDiagnosis,
+    table: PlainTable,
+    memory: Memory,
+    n_jobs: int | None,
+    show: Show | None = None,
+) -> ModelDiagnosis:
+    """Diagnose the prior, see `prepare_diagnosis`; fitted in place unless its result is kept.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        The diagnosis, see `prepare_diagnosis`; fitted in place unless its result is kept.
-    table : PlainTable
-        The records.
-    memory : joblib.Memory
-        Where the result is kept.
-    n_jobs : int or None
-        Number of processes, on which the result does not depend.
-
-    Returns
-    -------
-    ModelDiagnosis
-        The fitted diagnosis.
+    A result that lacks a stage which failed is used, but not kept. `show` is told of the stages,
+    unless the diagnosis has a callable of its own.
     """
+    X = table.starting(diagnosis.model, table.told)
+    kept = memory.cache(_diagnosed, ignore=["n_jobs", "show"])
     try:
-        X = table.starting(diagnosis.model, table.told)
-        kept = memory.cache(_diagnosed, ignore=["n_jobs"])
-        return kept(diagnosis, X, table.y, n_jobs=n_jobs)
-    except Exception as error:
-        if not hasattr(diagnosis, "verdict_"):
-            raise
-        warn_user(
-            f"the diagnosis stopped with an error ({diagnosis.stopped_}; "
-            f"{type(error).__name__}: {error}); its best result so far is used. Remedy: a "
-            f"smaller catalogue in diagnosis=ModelDiagnosis(...)."
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DiagnosisWarning)  # raised once there is the result
+            return kept(diagnosis, X, table.y, n_jobs=n_jobs, show=show)
+    except DiagnosisWarning as lacking:
+        warn_user(lacking, DiagnosisWarning)
         return diagnosis
 
 
-def _diagnosed(diagnosis, X, y, n_jobs) -> ModelDiagnosis:
-    """Fit a diagnosis, in place; if it fails, it holds its best result until then."""
-    return diagnosis.set_params(n_jobs=n_jobs).fit(X, y)
+def _diagnosed(diagnosis, X, y, n_jobs, show) -> ModelDiagnosis:
+    """Fit a diagnosis, in place."""
+    own = diagnosis.progress
+    try:
+        return diagnosis.set_params(n_jobs=n_jobs, progress=own or show).fit(X, y)
+    finally:
+        diagnosis.set_params(progress=own)  # a display is not kept
 
 
 def diagnosed_models(

@@ -1,10 +1,12 @@
 """Grey-box recipe as an estimator: diagnose, fit, learn the rest; the depth is cross-validated."""
 
+from collections.abc import Callable
+
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from sklearn_pgnn.estimators.progress import progress_printer
+from sklearn_pgnn.estimators.progress import progress_printer, silence, with_progress
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.cross_validation import check_window, is_unseen, training_error
 from sklearn_pgnn.grey_box.default_parts import (
@@ -27,6 +29,7 @@ from sklearn_pgnn.grey_box.options import check_options
 from sklearn_pgnn.grey_box.possible_depths import DIAGNOSED, NETWORKS
 from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import PlainTable, plain_table, starts_for, usual_starts
+from sklearn_pgnn.grey_box.time_limit import TimeLimit, said_of
 from sklearn_pgnn.model_selection.search_space import searched_parts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
@@ -116,8 +119,13 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         search over the network's parameters does not repeat them on the same records; a str is a
         folder. The stored files are pickles, which are code: let nobody else write there. The
         diagnosis warns only when it is actually made.
+    time_limit : float, optional
+        Time [s] after which nothing further is begun: half of it at most goes to the diagnosis,
+        and once a depth is judged, those whose folds are not all fitted by then are left out. The
+        depth chosen among the others is fitted in any case; a warning and `stopped_` tell.
     verbose : int, default=0
-        Whether to print a line for every stage.
+        Whether to show the stage and the best so far: in a terminal by a bar, elsewhere by lines;
+        the error of every depth is a line of its own.
 
     Attributes
     ----------
@@ -137,6 +145,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         the network's.
     diagnosis_ : ModelDiagnosis
         The diagnosis, where `depths` asks for one.
+    stopped_ : str or None
+        What the time limit cut short.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         State of `model_` at the start of every trajectory.
     n_features_in_ : int
@@ -173,6 +183,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     0.4
     """
 
+    #: reports stages while the fit runs
+    _show: Callable[..., None] | None = None
+
     def __init__(
         self,
         model,
@@ -187,6 +200,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         time_column=None,
         n_jobs=None,
         memory=None,
+        time_limit=None,
         verbose=0,
     ):
         self.model = model
@@ -200,6 +214,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.time_column = time_column
         self.n_jobs = n_jobs
         self.memory = memory
+        self.time_limit = time_limit
         self.verbose = verbose
 
     def set_params(self, **params):
@@ -240,6 +255,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             return diagnosis_or_default(self.diagnosis, self.model)
         return network_or_default(self.network)
 
+    @with_progress
     def fit(self, X, y, **fit_params):
         """Diagnose, fit every depth in every fold, and the chosen one to all records.
 
@@ -265,20 +281,22 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If the network is asked for and its extra is not installed.
         """
         refuse_fit_params(self, fit_params)
-        depths = check_options(self)
-        require_target(self, y)
+        depths, time = check_options(self), TimeLimit(self.time_limit)
+        require_target(self, X, y)
         records, table = self._read(validate_table(self, X, reset=True), y)
         self._single_output = np.asarray(y).ndim == 1
         folds = hidden_parts(records, self.n_splits, self.by)
         check_window(table, folds, self.initial_window)
         vars(self).pop("diagnosis_", None)  # of an earlier fit
         whole = any(is_unseen(table, hidden).any() for hidden in folds)
-        candidates = self._candidates(depths, table, judges_new_records=whole)
-        judged = self._judge(table, folds).judge_all(candidates, depths, self.network)
+        candidates = self._candidates(depths, table, time, judges_new_records=whole)
+        judged = self._judge(table, folds, time).judge_all(candidates, depths, self.network)
         self.errors_, chosen = judged.errors, judged.choose(self.least_gain)
-        self.errors_ |= {
-            each: np.inf for each in depths if each in NETWORKS and each not in judged.results
-        }
+        tried = set(NETWORKS).intersection(depths).difference(judged.skipped)
+        self.errors_ |= {each: np.inf for each in depths if each in tried - set(judged.results)}
+        diagnosis = getattr(self, "diagnosis_", None)
+        self.stopped_ = said_of(self.time_limit, diagnosis, judged.skipped)
+        (self._show or silence)("final fit")
         warn_if_useless(chosen, self.errors_[chosen])
         self.depth_, self._fitted = fit_chosen(
             chosen, judged.base, candidates, self.network, table, self.n_jobs
@@ -464,15 +482,14 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     # -- fitting -----------------------------------------------------------------------------------
 
-    def _candidates(self, depths, table, *, judges_new_records) -> dict[str, PhysicsModel]:
+    def _candidates(self, depths, table, time, *, judges_new_records) -> dict[str, PhysicsModel]:
         """Return the model of every physical depth, to start its fits from."""
         models = dict.fromkeys(("prior", "fitted"), self.model)
         if set(DIAGNOSED) & set(depths):
-            progress_printer(self)("diagnosis")
             whole = {"judges_new_records": judges_new_records}
-            self.diagnosis_ = prepare_diagnosis(self.diagnosis, self.model, **whole)
+            self.diagnosis_ = prepare_diagnosis(self.diagnosis, self.model, time, **whole)
             kept, n_jobs = check_memory(self.memory), threads_of(self.diagnosis, self.n_jobs)
-            self.diagnosis_ = diagnose(self.diagnosis_, table, kept, n_jobs)
+            self.diagnosis_ = diagnose(self.diagnosis_, table, kept, n_jobs, self._show)
             warn_of_spreads(self.model, self.diagnosis_.extended_model_)
             models |= diagnosed_models(self.diagnosis_, self.model, **whole)
         found = {depth: model for depth, model in models.items() if depth in depths}
@@ -480,10 +497,19 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             warn_of_no_finding(depths)
         return found or {"fitted": models["fitted"]}
 
-    def _judge(self, table, folds) -> DepthJudge:
+    def _judge(self, table, folds, time) -> DepthJudge:
         """Return what cross-validates the depths."""
         kept, print_line = check_memory(self.memory), progress_printer(self)
-        return DepthJudge(table, folds, self.initial_window, self.n_jobs, kept, print_line)
+        return DepthJudge(
+            table,
+            folds,
+            self.initial_window,
+            self.n_jobs,
+            kept,
+            print_line,
+            self._show or silence,
+            time,
+        )
 
     def _tell(self, fitted: FittedDepth, table) -> None:
         """Keep what the chosen depth, fitted to all records, tells."""

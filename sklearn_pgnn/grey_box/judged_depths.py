@@ -1,13 +1,13 @@
 """The cross-validated depths of a recipe, and the one that is chosen."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 from joblib import Memory, Parallel, delayed
 
-from sklearn_pgnn.estimators.progress import PrintLine
+from sklearn_pgnn.estimators.progress import PrintLine, silence
 from sklearn_pgnn.exceptions import TrainingError
 from sklearn_pgnn.grey_box.cross_validation import FoldResult, judge, mean_error
 from sklearn_pgnn.grey_box.default_parts import network_or_default
@@ -16,6 +16,7 @@ from sklearn_pgnn.grey_box.depth_fits import fit_depth, train_depth
 from sklearn_pgnn.grey_box.depth_warnings import warn_of_training
 from sklearn_pgnn.grey_box.possible_depths import NETWORKS
 from sklearn_pgnn.grey_box.tables import PlainTable
+from sklearn_pgnn.grey_box.time_limit import TimeLimit
 from sklearn_pgnn.physics.model import PhysicsModel
 
 
@@ -29,10 +30,13 @@ class JudgedDepths:
         Fold by fold, from the shallowest depth to the deepest.
     base : str
         The best physical depth, on which networks were trained.
+    skipped : tuple of str
+        Depths for which the time was up.
     """
 
     results: dict[str, list[FoldResult]]
     base: str
+    skipped: tuple[str, ...] = ()
 
     @property
     def errors(self) -> dict[str, float]:
@@ -67,6 +71,10 @@ class DepthJudge:
         Where the results of physical depths are kept.
     print_line : callable
         Receives a line of text for every depth.
+    show : callable
+        Called as ``show(stage, done, total)`` with the folds of a depth.
+    time : TimeLimit
+        Once there is a result, no fold is begun after it.
     """
 
     table: PlainTable
@@ -75,6 +83,8 @@ class DepthJudge:
     n_jobs: int | None
     memory: Memory
     print_line: PrintLine
+    show: Callable[..., None] = silence
+    time: TimeLimit = field(default_factory=lambda: TimeLimit(None))
 
     def judge_all(
         self, candidates: dict[str, PhysicsModel], depths: tuple[str, ...], network
@@ -95,17 +105,19 @@ class DepthJudge:
         JudgedDepths
             The results; a network whose training fails in a fold is left out.
         """
-        results = {depth: self._physical(depth, model) for depth, model in candidates.items()}
+        tried = {depth: self._physical(depth, model) for depth, model in candidates.items()}
+        results = {depth: found for depth, found in tried.items() if found}
         base = min(results, key=lambda depth: mean_error(results[depth]))
         physical = [each.fitted for each in results[base]]
         for depth in (each for each in depths if each in NETWORKS):
             taught = network_or_default(network)
             fits = [partial(train_depth, taught, depth, each) for each in physical]
             try:
-                results[depth] = self._judge(depth, fits, judge)
+                tried[depth] = self._judge(depth, fits, judge)
             except TrainingError as error:
                 warn_of_training(error, depth, base)
-        return JudgedDepths(results, base)
+        results = {depth: found for depth, found in tried.items() if found}
+        return JudgedDepths(results, base, tuple(each for each in tried if each not in results))
 
     def _physical(self, depth: str, model: PhysicsModel) -> list[FoldResult]:
         fits = [partial(fit_depth, depth, model)] * len(self.folds)
@@ -114,10 +126,21 @@ class DepthJudge:
     def _judge(
         self, depth: str, fits: Sequence[Callable[..., FittedDepth]], score: Callable
     ) -> list[FoldResult]:
-        """Compare a depth, fitted without each fold's hidden samples, with them."""
-        found = Parallel(n_jobs=self.n_jobs)(
-            delayed(score)(fit, self.table, hidden, self.window)
-            for fit, hidden in zip(fits, self.folds, strict=True)
-        )
+        """Compare a depth, fitted without each fold's hidden samples, with them.
+
+        Nothing is returned if the time is up before the last fold.
+        """
+        found = Parallel(n_jobs=self.n_jobs)(self._calls(depth, fits, score))
+        if len(found) < len(self.folds):
+            return []
+        self.time.counts = True
         self.print_line(f"{depth}: cross-validated error {mean_error(found):.4g}")
         return found
+
+    def _calls(self, depth: str, fits: Sequence[Callable[..., FittedDepth]], score: Callable):
+        """Yield the fits of a depth, fold by fold, until the time is up."""
+        for k, (fit, hidden) in enumerate(zip(fits, self.folds, strict=True)):
+            if self.time.is_up:
+                return
+            self.show(f"depth {depth!r}, folds", k, len(self.folds))
+            yield delayed(score)(fit, self.table, hidden, self.window)

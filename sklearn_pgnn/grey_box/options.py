@@ -4,6 +4,7 @@ from numbers import Integral, Real
 
 from sklearn.utils.validation import check_memory
 
+from sklearn_pgnn.diagnosis.options import check_time_limit
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.hidden_parts import WAYS
 from sklearn_pgnn.grey_box.possible_depths import DEPTHS, NETWORKS, can_see_less, possible_depths
@@ -30,6 +31,7 @@ def check_options(recipe) -> tuple[str, ...]:
         If a parameter is invalid.
     """
     check_model(recipe.model)
+    check_time_limit(recipe.time_limit)
     check_memory(recipe.memory)
     _check_cross_validation(recipe)
     depths = possible_depths(recipe.network) if recipe.depths is None else recipe.depths

@@ -83,7 +83,7 @@ class Samples:
 
     def mean(self, expression, **other) -> np.ndarray:
         """Return the mean of an expression over the span about every sample."""
-        moving = [*self.records.fits["extended"].model.states, "t"]
+        moving = [*self.records.fits[self.records.best].model.states, "t"]
         if self.records.windows.hold == "foh":
             moving += self.model.inputs
         ends = {name: _next(self.table[name]) for name in moving if name in self.table}
@@ -118,13 +118,13 @@ def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndar
     table = {name: records.states[:, i] for i, name in enumerate(prior.states)}
     simulated = set(model.states) - told_states(prior)
     if simulated:
-        run = np.concatenate([run.x for run in free_runs(records, "extended")])
+        run = np.concatenate([run.x for run in free_runs(records, records.best)])
         table |= {name: run[:, list(model.states).index(name)] for name in simulated}
     return table
 
 
 def starts(records: DiagnosisRecords, model: PhysicsModel) -> np.ndarray:
-    """Return a model's initial states of all windows, as fitted with the extended model."""
-    extended = records.fits["extended"]
+    """Return a model's initial states of all windows, as fitted with all that was found."""
+    extended = records.fits[records.best]
     order = list(extended.model.states)
     return extended.x0[:, [order.index(state) for state in model.states]]

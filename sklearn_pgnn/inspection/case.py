@@ -9,6 +9,7 @@ from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
+from sklearn_pgnn.physics.effects.wiring import WIRINGS
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.shown_states import shown_states
@@ -17,14 +18,14 @@ from sklearn_pgnn.simulation.windows import evaluate
 
 @dataclass(frozen=True)
 class Case:
-    """A cause, the extended model with it and without it, and the records.
+    """A cause, the model with all that was found and without this cause, and the records.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records.
     full, without : PhysicsModel
-        The extended model with all causes, and with all but this one, at the same values.
+        The model with all causes and the formula, and with all but this cause, at the same values.
     effect : Effect
         The cause.
     """
@@ -70,18 +71,27 @@ class Case:
         return samples.rate(state) - samples.mean(self.without.equations[state])
 
 
+def model_with_all(diagnosis) -> PhysicsModel:
+    """Return the model with all causes found, and the formula if there is one."""
+    part = diagnosis.discrepancy_
+    return diagnosis.extended_model_ if part is None else part.model
+
+
 def known_effects(diagnosis) -> dict:
     """Return the effects that a diagnosis may name, by id."""
-    return {effect.id: effect for effect in (*CATALOGUE, *read_catalogue(diagnosis.catalogue))}
+    kinds = (*CATALOGUE, *WIRINGS, *read_catalogue(diagnosis.catalogue))
+    return {effect.id: effect for effect in kinds}
 
 
 def make_case(diagnosis, cause) -> Case:
-    """Return a cause with the extended model with and without it, and the records."""
-    known = known_effects(diagnosis)
-    full, without = diagnosis.extended_model_, diagnosis.model
+    """Return a cause with all that was found, with and without it, and the records."""
+    known, part = known_effects(diagnosis), diagnosis.discrepancy_
+    full, without = model_with_all(diagnosis), diagnosis.model
     for other in diagnosis.causes_:
         if other is not cause:
             without = known[other.effect](other.target).apply(without)
+    if part is not None:
+        without = part.effect.apply(without)
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}
     if cause.target in diagnosis.model.parameters:
         values.pop(cause.target)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import number, typeset_unit
+from sklearn_pgnn.inspection.least_size import least_size
 from sklearn_pgnn.inspection.style import COLOURS, log_axis, plain, shown_figure, tidy
 
 
@@ -78,9 +78,7 @@ def _draw_row(axes, place, row) -> None:
     else:
         at = abs(row.smallest - row.curve[0][0]) / max(abs(sizes[-1] - row.curve[0][0]), 1e-300)
         axes.plot(at, place, marker="|", markersize=14, color=COLOURS["prior"], zorder=3)
-        text = (
-            f"{row.parameter.replace('_', ' ')} {number(row.smallest, 3)} {typeset_unit(row.unit)}"
-        )
+        text = f"{row.parameter.replace('_', ' ')} {least_size(row, 3)}"
     axes.annotate(
         plain(text.rstrip()),
         (1.02, place),

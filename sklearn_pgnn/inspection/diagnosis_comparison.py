@@ -3,14 +3,16 @@
 import json
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import chance, measured, number
-from sklearn_pgnn.inspection.words import verdict_in_words
+from sklearn_pgnn.inspection.numbers import chance, measured, number, readable, times
+from sklearn_pgnn.inspection.yardstick import models_called
 from sklearn_pgnn.record_quality.wording import listed
 
 #: the file of a diagnosis, in the folder that the command line writes
@@ -22,6 +24,8 @@ OTHER_FILES = {
     ".csv": "a file of records",
     ".html": "a report",
 }
+#: relative difference of window lengths up to which errors over them are set side by side
+SAME_LENGTH = 0.05
 _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "data_quality")
 
 
@@ -189,6 +193,7 @@ def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisCompa
     said = (
         *_of_verdicts(pair, called),
         *_of_causes(pair, called),
+        *_of_formulas(pair, called),
         *_of_quantities((*sizes, *parameters), called),
         *_of_rest(pair, called),
     )
@@ -196,7 +201,7 @@ def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisCompa
         _verdicts(pair, called),
         _quantities("Causes and their sizes", sizes, called),
         _quantities("Parameters of the model", parameters, called),
-        _errors(pair, called),
+        *_errors(pair, called),
     )
     return DiagnosisComparison(
         called, said, (*sizes, *parameters), tuple(table for table in tables if table.rows)
@@ -308,7 +313,7 @@ def _quantity(title, one: Mapping, other: Mapping, name: str) -> Quantity:
 
 
 def _of_verdicts(pair, names) -> list[str]:
-    one, other = (verdict_in_words(data).lower() for data in pair)
+    one, other = (VERDICTS[data["verdict"]].lower() for data in pair)
     return [] if one == other else [f"{names[0]}: {one}; {names[1]}: {other}."]
 
 
@@ -323,6 +328,24 @@ def _of_causes(pair, names) -> list[str]:
                     f"{cause_name(*key)}: named in {names[here]}, not in {names[there]}{but}."
                 )
     return said
+
+
+def _of_formulas(pair, names) -> list[str]:
+    """Return the formulas that only one of two diagnoses has, or that differ in their terms."""
+    parts = [data.get("unexplained") for data in pair]
+    here = [None if part is None else (part["target"], _terms(part["formula"])) for part in parts]
+    if here[0] == here[1]:
+        return []
+    said = (
+        f"{_formula(part)} in {name}" if part else f"none in {name}"
+        for part, name in zip(parts, names, strict=True)
+    )
+    return [f"Formula: {'; '.join(said)}."]
+
+
+def _terms(formula: str) -> frozenset[str]:
+    """Return the terms of a formula without their coefficients."""
+    return frozenset(term.partition("*")[2] for term in re.split(r" [+-] ", formula))
 
 
 def _rival_of(key, causes: Mapping) -> str:
@@ -383,8 +406,9 @@ def _of_rest(pair, names) -> list[str]:
 
 def _verdicts(pair, names) -> Table:
     rows = [
-        ("verdict", *(verdict_in_words(data) for data in pair)),
+        ("verdict", *(VERDICTS[data["verdict"]] for data in pair)),
         ("causes", *(_named(data) or "none" for data in pair)),
+        ("formula", *(_formula(data.get("unexplained")) or "none" for data in pair)),
         ("what is left", *(_left(data["remaining"]) for data in pair)),
         (
             "faults of the records",
@@ -401,12 +425,17 @@ def _named(data) -> str:
     )
 
 
+def _formula(part: Mapping | None) -> str:
+    """Return a formula and its place; empty where there is none."""
+    return "" if part is None else f"{readable(part['formula'])} in {part['target']}"
+
+
 def _left(remaining) -> str:
-    times = listed(
-        f"{number(math.nan if x is None else x, 2)} times the noise of {output}"
+    left = listed(
+        f"{times(math.inf if x is None else x)} the noise of {output}"
         for output, x in remaining["times_noise"].items()
     )
-    return f"{remaining['kind']} ({times})" if times else remaining["kind"]
+    return f"{remaining['kind']} ({left})" if left else remaining["kind"]
 
 
 def _quantities(title, quantities, names) -> Table:
@@ -421,24 +450,43 @@ def _quantities(title, quantities, names) -> Table:
     return Table(f"{title} (95 % intervals)", ("", *names, ""), rows)
 
 
-def _errors(pair, names) -> Table:
-    gains, rows = [data["gain"] for data in pair], []
-    for output in _both(*gains):
-        for key, what in (
-            ("prior", "as given"),
-            ("refitted", "re-tuned"),
-            ("extended", "extended"),
-        ):
-            cells = [_error(gain.get(output), key) for gain in gains]
-            rows.append((f"{output}, {what}", *cells))
-    return Table("Error on held-out windows (root mean square)", ("", *names), tuple(rows))
+def _errors(pair, names) -> list[Table]:
+    """Return the errors over windows and in free run.
+
+    Errors over windows grow with their length: those of different lengths are left out.
+    """
+    lengths = [data.get("window") for data in pair]
+    free = _error_table("Error in free run (root mean square)", "free_run", pair, names)
+    if _alike(lengths):
+        title = "Error on held-out windows (root mean square)"
+        return [_error_table(title, "gain", pair, names), free]
+    said = " and ".join(f"{number(length, 3)} s" for length in lengths)
+    why = f"; on windows they are not comparable, the windows are {said} long"
+    return [replace(free, title=f"{free.title}{why}")]
 
 
-def _error(gain, key) -> str:
-    if gain is None:
+def _alike(lengths) -> bool:
+    """Return whether windows are of about one length, or of one that is not known."""
+    known = [length for length in lengths if length]
+    return len(known) < 2 or math.isclose(*known, rel_tol=SAME_LENGTH)
+
+
+def _error_table(title: str, key: str, pair, names) -> Table:
+    """Return the errors of every output by every model that either of two diagnoses has."""
+    found, rows = [data[key] for data in pair], []
+    titles = models_called(True, any(data.get("unexplained") for data in pair))
+    units = {output: g.get("unit", "") for data in pair for output, g in data["gain"].items()}
+    for output in _both(*found):
+        for which, said in titles.items():
+            cells = [_error(errors.get(output), which, units.get(output, "")) for errors in found]
+            rows.append((f"{output}, {said}", *cells))
+    return Table(title, ("", *names), tuple(rows))
+
+
+def _error(errors, which: str, unit: str) -> str:
+    if errors is None or errors.get(which) is None:
         return "-"
-    value = math.nan if gain[key] is None else gain[key]
-    return f"{number(value, 3)} {gain['unit']}".rstrip()
+    return f"{number(errors[which], 3)} {unit}".rstrip()
 
 
 def _aligned(table: Table) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.free_run import free_runs
+from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.curves import Evidence
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.numbers import number
@@ -16,7 +17,6 @@ from sklearn_pgnn.trajectories import read_records
 
 #: points drawn of a cloud, and bins of its median
 CLOUD, BINS = 4000, 45
-MODELS = ("prior", "extended")
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Comparison:
     measured : ndarray of shape (n_samples, n_outputs) or None
         Measured outputs.
     simulated : dict of str to ndarray of shape (n_samples, n_outputs)
-        Simulated outputs of each model.
+        Simulated outputs of each model, the best last.
     """
 
     title: str
@@ -160,7 +160,7 @@ def plot_diagnosis(diagnosis) -> DiagnosisDisplay:
 
 
 def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Comparison:
-    """Return one record with its simulations by the prior and by the extended model.
+    """Return one record with its simulations by the prior and by the model with all found.
 
     Parameters
     ----------
@@ -195,10 +195,11 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
     windows = records.windows
     record = typical(records) if record is None else _checked(record, len(records.names))
     rows = slice(windows.bounds[record], windows.bounds[record + 1])
+    models = ("prior", records.best)
     if kind == "windows":
-        simulated = {which: (windows.y - records.fits[which].residual)[rows] for which in MODELS}
+        simulated = {which: (windows.y - records.fits[which].residual)[rows] for which in models}
     else:
-        simulated = {which: free_runs(records, which)[record].y for which in MODELS}
+        simulated = {which: free_runs(records, which)[record].y for which in models}
     how = (
         f"restarted from the record every {number(diagnosis.window_, 3)} s"
         if kind == "windows"
@@ -212,7 +213,8 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
     records = read_records(diagnosis.model, X, y, time_column=diagnosis.time_column)
     record = _checked(record or 0, len(records))
     chosen = records[record]
-    models = {"prior": diagnosis.model, "extended": diagnosis.extended_model_}
+    best = diagnosis.records_.best
+    models = {"prior": diagnosis.model, best: model_with_all(diagnosis)}
     simulated = {
         which: simulate_records(model, (chosen,), **diagnosis.extended_model_.simulation)
         for which, model in models.items()
@@ -270,8 +272,8 @@ def draw_comparison(axes, comparison: Comparison) -> None:
 def _draw_curves(axes, comparison, i, title):
     if comparison.measured is not None:
         _curve(axes, comparison.t, comparison.measured[:, i], "measured", 3.5)
-    for which in MODELS:
-        _curve(axes, comparison.t, comparison.simulated[which][:, i], which, 1.2)
+    for which, simulated in comparison.simulated.items():
+        _curve(axes, comparison.t, simulated[:, i], which, 1.2)
     axes.set_ylabel(title)
     axes.set_ylim(*_in_sight(comparison, i))
     tidy(axes)
@@ -279,7 +281,8 @@ def _draw_curves(axes, comparison, i, title):
 
 def _in_sight(comparison, i):
     """Limit the axis so that a diverging model does not hide the rest, with room for a legend."""
-    known = comparison.simulated["extended"] if comparison.measured is None else comparison.measured
+    *_, best = comparison.simulated.values()
+    known = best if comparison.measured is None else comparison.measured
     low, high = np.nanmin(known[:, i]), np.nanmax(known[:, i])
     reach = (high - low) or 1.0
     curves = np.concatenate([known[:, i], *(y[:, i] for y in comparison.simulated.values())])
@@ -290,8 +293,8 @@ def _in_sight(comparison, i):
 
 def _draw_errors(axes, comparison, i, title):
     if comparison.measured is not None:
-        for which in MODELS:
-            error = comparison.measured[:, i] - comparison.simulated[which][:, i]
+        for which, simulated in comparison.simulated.items():
+            error = comparison.measured[:, i] - simulated[:, i]
             _curve(axes, comparison.t, error, which, 0.9)
     axes.set_ylabel(title)
     tidy(axes)

@@ -1,5 +1,6 @@
 """The evidence for a cause in the user's records: the missing part without it, and its law."""
 
+import numpy as np
 import sympy
 
 from sklearn_pgnn.inspection.balance import Samples
@@ -8,7 +9,7 @@ from sklearn_pgnn.inspection.curves import Evidence, Line, even_grid
 from sklearn_pgnn.inspection.motion_evidence import cut_rate, implied_parameter, missing_force
 from sklearn_pgnn.inspection.signal_evidence import felt_input, residual_over_time, shown_output
 from sklearn_pgnn.inspection.style import label
-from sklearn_pgnn.inspection.words import missing_place
+from sklearn_pgnn.inspection.words import place_name
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import parse_expression
 
@@ -59,35 +60,34 @@ def evidence_of(case: Case) -> Evidence:
 
 
 def missing_evidence(diagnosis) -> Evidence:
-    """Return the evidence for a missing part: its smoothed trajectory against its formula.
+    """Return the evidence for a formula: what the records show at its place, against its value.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis whose `discrepancy_` is not None.
-
-    Returns
-    -------
-    Evidence
-        Points of the records, and the line on which the formula is right.
+    With the formula's value :math:`g(x)` and what is left beside it :math:`d`, the points are
+    :math:`(g, g + d)`: partial residuals, with the parameters that were fitted with the formula.
     """
-    part, records = diagnosis.discrepancy_, diagnosis.records_
-    full = diagnosis.extended_model_ + part.effect
-    known = (*full.states, *full.inputs)
-    terms = (parse_expression(term, known) for term in part.effect.terms)
-    said = sympy.Add(*(c * term for c, term in zip(part.effect.coefficients, terms, strict=True)))
-    samples = Samples.of(records, diagnosis.extended_model_, diagnosis.extended_model_)
-    x, unit = samples.value(said), full.unit(part.target)
-    unit = rate_unit(unit) if part.target in full.states else unit
-    grid = even_grid(x)
+    part = diagnosis.discrepancy_
+    said = said_by_formula(diagnosis)
+    unit = part.model.unit(part.target)
+    unit = rate_unit(unit) if part.target in part.model.states else unit
+    grid = even_grid(said)
     return Evidence(
-        title=f"What is missing in {missing_place(diagnosis, part)}",
+        title=f"What is missing in {place_name(diagnosis.model, part.target)}",
         x_label=label("by the formula", unit),
         y_label=label("as the records show it", unit),
-        points=(x, part.course),
+        points=(said, said + part.left),
         lines=(Line(grid, grid, "extended", "the formula"),),
         note=(
-            "Every point is a sample of the records: the smoothed missing quantity over the value "
-            "of its formula. Points close to the line are described by the formula."
+            "Every point is a sample of the records: what is missing beside the parameters fitted "
+            "with the formula, smoothed, over the value of the formula. Points on the line are "
+            "described by it."
         ),
     )
+
+
+def said_by_formula(diagnosis) -> np.ndarray:
+    """Return the value of a diagnosis' formula at every sample of its records."""
+    part = diagnosis.discrepancy_
+    known = (*part.model.states, *part.model.inputs)
+    terms = (parse_expression(term, known) for term in part.effect.terms)
+    said = sympy.Add(*(c * term for c, term in zip(part.effect.coefficients, terms, strict=True)))
+    return Samples.of(diagnosis.records_, part.model, part.model).value(said)

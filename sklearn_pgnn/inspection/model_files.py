@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 
+from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.report.members import all_members
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -11,12 +12,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 EXTENDED = "extended_model.yaml"
 #: pattern of the file names of rivals
 RIVALS = "extended_model_with_*_for_*.yaml"
-
-
-def model_with_all(diagnosis) -> PhysicsModel:
-    """Return the model with all causes found, and the formula if there is one."""
-    part = diagnosis.discrepancy_
-    return diagnosis.extended_model_ if part is None else part.model
 
 
 def file_of(model: PhysicsModel) -> str:

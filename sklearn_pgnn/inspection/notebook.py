@@ -5,8 +5,11 @@ from html import escape
 
 from sklearn.base import BaseEstimator
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
+from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.equations import equations_of
+from sklearn_pgnn.inspection.least_size import least_size
 from sklearn_pgnn.inspection.numbers import (
     chance,
     free_run_error,
@@ -19,8 +22,8 @@ from sklearn_pgnn.inspection.words import (
     remaining_sentence,
     rivals_or_none,
     verdict_sentence,
-    verdict_title,
 )
+from sklearn_pgnn.inspection.yardstick import shown_models
 from sklearn_pgnn.physics.effects import find_effect
 
 _CELL = "text-align: left; padding: 0 1em 0 0"
@@ -179,15 +182,16 @@ def diagnosis_html(diagnosis) -> str:
     if not hasattr(diagnosis, "verdict_"):
         return BaseEstimator._html_repr(diagnosis)
     head = (
-        f"<b>{verdict_title(diagnosis)}.</b> {escape(verdict_sentence(diagnosis))}"
+        f"<b>{VERDICTS[diagnosis.verdict_]}.</b> {escape(verdict_sentence(diagnosis))}"
         f"<div>{escape(remaining_sentence(diagnosis))}</div>"
     )
     causes = "".join(cause_html(cause, diagnosis.complete_) for cause in diagnosis.causes_)
-    titles = ("error (rms)", "as given", "re-tuned", "extended", "noise", "unit", "explained")
+    shown = shown_models(diagnosis)
+    titles = ("error (rms)", *shown.values(), "noise", "unit", "explained")
     windows = [
         (
             f"{name}, windows",
-            *(number(e, 3) for e in (g.prior, g.refitted, g.extended, g.noise)),
+            *(number(getattr(g, which), 3) for which in (*shown, "noise")),
             typeset_unit(g.unit) or "-",
             share(g),
         )
@@ -196,7 +200,7 @@ def diagnosis_html(diagnosis) -> str:
     runs = [
         (
             f"{name}, free run",
-            *map(free_run_error, (r.prior, r.refitted, r.extended)),
+            *(free_run_error(getattr(r, which)) for which in shown),
             "",
             typeset_unit(diagnosis.model.unit(name)) or "-",
             "",
@@ -207,10 +211,10 @@ def diagnosis_html(diagnosis) -> str:
 
 
 def diagnosis_latex(diagnosis) -> str | None:
-    """Return the equations of the extended model as LaTeX; None before the fit."""
+    """Return the equations of all that was found as LaTeX; None before the fit."""
     if not hasattr(diagnosis, "verdict_"):
         return None
-    return model_latex(diagnosis.extended_model_)
+    return model_latex(model_with_all(diagnosis))
 
 
 def detectability_html(detectability) -> str:
@@ -219,7 +223,7 @@ def detectability_html(detectability) -> str:
         (
             cause_name(row.effect, row.target),
             row.parameter.replace("_", " "),
-            row.reason or f"{number(row.smallest, 3)} {typeset_unit(row.unit)}".rstrip(),
+            row.reason or least_size(row, 3),
         )
         for row in detectability.rows
     ]

@@ -130,14 +130,15 @@ def _rounded(value: float, places: int) -> str:
 
 
 def readable(formula: str) -> str:
-    """Write an expression for readers: raised powers, dots for products.
+    """Write an expression for readers: raised powers, dots for products, one sign for minus.
 
     Examples
     --------
-    >>> readable("-0.2005*F**2*v"), readable("x**-0.5")
-    ('-0.2005·F²·v', 'x**-0.5')
+    >>> readable("-0.2005*F**2*v - 3*v"), readable("x**-0.5")
+    ('−0.2005·F²·v − 3·v', 'x**-0.5')
     """
-    return re.sub(r"(?<!\*)\*(?!\*)", "·", _raised(formula))
+    signed = re.sub(r"^-|(?<= )-(?= )", "−", _raised(formula))
+    return re.sub(r"(?<!\*)\*(?!\*)", "·", signed)
 
 
 def typeset_unit(unit: str) -> str:
@@ -175,14 +176,18 @@ def percent(part: float) -> str:
     return f"{100 * part:.{1 if part > 0.985 else 0}f} %"
 
 
-def chance(probability: float) -> str:
+def chance(probability: float | None) -> str:
     """Return a probability in percent; one that is nearly 0 or 1 is not rounded to it.
 
     Examples
     --------
     >>> chance(0.213), chance(0.9999), chance(1.0), chance(2e-4)
     ('21 %', '> 99.9 %', '> 99.9 %', '< 0.1 %')
+    >>> chance(math.nan), chance(None)
+    ('not tested', 'not tested')
     """
+    if probability is None or math.isnan(probability):
+        return "not tested"
     if probability > 0.999:
         return "> 99.9 %"
     if probability < 0.001:
@@ -216,10 +221,10 @@ def fit_text(fit: float, decimals: int = 0) -> str:
     >>> fit_text(98.4), fit_text(99.84, decimals=1), fit_text(-2e4)
     ('98 %', '99.8 %', 'below −1000 %')
     >>> fit_text(-math.inf), fit_text(math.nan)
-    ('diverges', 'nothing moves')
+    ('diverges', 'nothing to fit')
     """
     if math.isnan(fit):
-        return "nothing moves"
+        return "nothing to fit"
     if math.isinf(fit):
         return "diverges"
     return f"{fit:.{decimals}f} %" if fit > -1000 else "below −1000 %"

@@ -149,9 +149,9 @@ class ResidualDisplay:
         column = output_column(runs.model, output)
         if X is None:
             found = estimator.records_
-            left = found.fits["extended"].residual[:, column]
+            left = found.fits[found.best].residual[:, column]
             residuals = np.split(left, found.windows.bounds[1:-1])
-            expected = expected_autocorrelation(found, found.fits["extended"], n_lags)[:, column]
+            expected = expected_autocorrelation(found, found.fits[found.best], n_lags)[:, column]
         else:
             (simulated,) = runs.simulated.values()
             pairs = zip(runs.measured, simulated, strict=True)

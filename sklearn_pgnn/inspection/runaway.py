@@ -15,25 +15,6 @@ REMEDY = (
 )
 
 
-def runs_away(diagnosis) -> bool:
-    """Return whether nothing predicts any output better than is possible without a model.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    bool
-        False where there is a cause or a formula, as none is named that does not, and where the
-        search did not come to its end.
-    """
-    if diagnosis.verdict_ != "unexplained" or diagnosis.discrepancy_ or not diagnosis.complete_:
-        return False
-    return diagnosis.remaining_.runs_away
-
-
 def runaway_sentence(diagnosis) -> str:
     """Return what was expected of the model, what came, and where.
 

@@ -117,7 +117,7 @@ def residual_over_time(case: Case) -> Evidence:
     """Return the residuals over windows with and without the cause, where it matters most."""
     windows, column = case.records.windows, _worst_output(case)
     without = window_residual(case, case.without)[:, column]
-    left = case.records.fits["extended"].residual[:, column]
+    left = case.records.fits[case.records.best].residual[:, column]
     rows = _worst_rows(windows, without)
     name = list(case.full.outputs)[column]
     t = windows.t[rows]

@@ -2,10 +2,9 @@
 
 from itertools import pairwise
 
-import numpy as np
-
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record, steps_for
+from sklearn_pgnn.simulation.free_starts import fit_starts
 from sklearn_pgnn.simulation.record_windows import WindowedRecords, window_records
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
@@ -14,8 +13,8 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 def run_records(model: PhysicsModel, records, **options) -> list[Simulation]:
     """Simulate every record in free run, with the hold and the substeps given, if any.
 
-    The initial states are those given in the record, else those shown by its outputs, else the
-    model's initial state.
+    The initial states are those given in the record, else those with which the model follows the
+    record's beginning, see `sklearn_pgnn.simulation.free_starts`, else the model's initial state.
     """
     if all(record.y is not None for record in records):
         return run_from_starts(model, window_records(model, records, **options))
@@ -24,10 +23,10 @@ def run_records(model: PhysicsModel, records, **options) -> list[Simulation]:
 
 
 def run_from_starts(model: PhysicsModel, windowed: WindowedRecords) -> list[Simulation]:
-    """Simulate windowed records in free run, each from its estimated first state."""
+    """Simulate windowed records in free run, each from a start fitted to its beginning."""
     windows = windowed.windows
-    starts = windowed.states.values(model)[windows.bounds[:-1]]
+    starts = fit_starts(model, windows, windowed.states)
     return [
-        free_run(model, windows, a, b, np.array(start))
+        free_run(model, windows, a, b, start)
         for (a, b), start in zip(pairwise(windows.bounds), starts, strict=True)
     ]

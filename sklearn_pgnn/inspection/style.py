@@ -8,6 +8,7 @@ COLOURS = {
     "prior": "#d1600b",
     "refitted": "#8a8a8a",
     "extended": "#1766ad",
+    "formula": "#22783f",
     "points": "#8a8a8a",
     "medians": "#222222",
 }
@@ -17,6 +18,7 @@ LABELS = {
     "prior": "model as given",
     "refitted": "model re-tuned",
     "extended": "model extended",
+    "formula": "model with formula",
 }
 
 

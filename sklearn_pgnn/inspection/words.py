@@ -2,93 +2,35 @@
 
 import itertools
 import math
-from collections.abc import Mapping
 
-from sklearn_pgnn.estimation.budgets import MUCH
+from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
 from sklearn_pgnn.inspection.named_terms import known_sentence
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
-from sklearn_pgnn.inspection.runaway import runaway_sentence, runs_away
+from sklearn_pgnn.inspection.runaway import runaway_sentence
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     is_adequate_as_given,
-    leaves_much,
     over_windows,
+    shown_models,
 )
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
 
-VERDICTS = {
-    "model_adequate": "Model adequate",
-    "cause_named": "Cause named",
-    "ambiguous": "Several causes fit",
-    "unexplained": "Not explained",
-}
-#: title for a model that is adequate, since nothing recorded explains more, but leaves much error
-NO_CAUSE = "No cause found"
-#: title where no model predicts any output better over windows than its mean does
-RUNS_AWAY = "Model runs away"
 #: what a cause may be confused with, if the search ended before it had rivals
 NOT_COMPARED = "not known: the diagnosis ended before others were compared"
-#: smallest probability of no cause at all that is listed with the others
+#: what acts where no cause of the catalogue does
+UNNAMED = "something that is not in the catalogue"
+#: smallest probability of it that is listed with the others
 WORTH_SAYING = 0.01
-
-
-def verdict_title(diagnosis) -> str:
-    """Return the verdict in one or two words, or that the search ended before there was one.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        As in "Cause named".
-    """
-    if not diagnosis.complete_ and diagnosis.verdict_ == "unexplained":
-        return "Unfinished"
-    if diagnosis.verdict_ == "model_adequate" and leaves_much(diagnosis):
-        return NO_CAUSE
-    if runs_away(diagnosis):
-        return RUNS_AWAY
-    return VERDICTS[diagnosis.verdict_]
-
-
-def verdict_in_words(found: Mapping) -> str:
-    """Return the verdict of a saved diagnosis in words.
-
-    Parameters
-    ----------
-    found : mapping
-        The result of `ModelDiagnosis.to_dict`.
-
-    Returns
-    -------
-    str
-        As in "Cause named".
-
-    Examples
-    --------
-    >>> verdict_in_words({"verdict": "model_adequate", "remaining": {"times_noise": {"x": 18.2}}})
-    'No cause found'
-    """
-    lost = found["verdict"] == "unexplained" and found["remaining"].get("runs_away")
-    if lost and found["complete"] and not found["unexplained"]:
-        return RUNS_AWAY
-    left = found["remaining"]["times_noise"].values()
-    much = any(times is None or times > MUCH for times in left)
-    adequate = found["verdict"] == "model_adequate"
-    return NO_CAUSE if adequate and much else VERDICTS[found["verdict"]]
 
 
 def rivals(cause) -> str:
     """Return the rivals of a cause, each with its probability; empty if there are none.
 
-    The case that neither the cause nor any of them acts is included.
+    That something else acts, which has no name, or nothing, is one of them.
 
     Parameters
     ----------
@@ -102,8 +44,8 @@ def rivals(cause) -> str:
     """
     others = [(cause_name(o.effect, o.target), o.probability) for o in cause.confused_with]
     none = 1.0 - cause.probability - sum(probability for _, probability in others)
-    if others and none >= WORTH_SAYING:
-        others.append(("none of these", none))
+    if none >= WORTH_SAYING:
+        others.append((UNNAMED, none))
     return listed(f"{name} ({chance(probability)})" for name, probability in others)
 
 
@@ -138,16 +80,16 @@ def verdict_sentence(diagnosis) -> str:
     str
         One or two sentences.
     """
-    found = _found if diagnosis.causes_ or diagnosis.complete_ else _so_far
-    return f"{stopped_sentence(diagnosis)}{found(diagnosis)}".rstrip()
+    return f"{stopped_sentence(diagnosis)}{_SAID[diagnosis.verdict_](diagnosis)}".rstrip()
 
 
 def _so_far(diagnosis) -> str:
-    """Return a sentence on the prior's error, where the search ended before a cause was found."""
+    """Return what an unfinished search holds."""
     the_model = _the_model(diagnosis)
-    if diagnosis.verdict_ == "model_adequate":
-        return f"The re-tuned {the_model} leaves little more than noise."
-    return f"The {the_model} lacks something, and no cause was found yet."
+    if not diagnosis.causes_:
+        return f"The {the_model} lacks something, and no cause was found yet."
+    best = f"The best so far: the {the_model} {lacks(diagnosis.causes_)}."
+    return f"{best} It was not tested against the rest of the catalogue. {_worth(diagnosis)}"
 
 
 def _the_model(diagnosis) -> str:
@@ -161,10 +103,6 @@ def stopped_sentence(diagnosis) -> str:
     if not diagnosis.stopped_:
         return ""
     left = "the search was complete" if diagnosis.complete_ else "this is the best result so far"
-    if not diagnosis.tested_:
-        left += (
-            ", and whether each cause is needed beside the others was not tested (allow more time)"
-        )
     return f"Ended early ({diagnosis.stopped_}); {left}. "
 
 
@@ -209,23 +147,23 @@ def lacks(causes) -> str:
     return " and ".join(f"{verb} {listed(each)}" for verb, each in names.items())
 
 
-def _found(diagnosis) -> str:
-    """Return a sentence on what was found."""
-    the_model, lacking = _the_model(diagnosis), lacks(diagnosis.causes_)
-    if runs_away(diagnosis):
-        return runaway_sentence(diagnosis)
-    if diagnosis.verdict_ == "model_adequate":
-        return f"{_adequate(diagnosis)} {_in_free_run(diagnosis)}".strip()
-    sentences = {
-        "cause_named": f"The {the_model} {lacking}.",
-        "ambiguous": (
-            f"The {the_model} {lacking}, or {_others(diagnosis)}: these records do not separate "
-            f"them."
-        ),
-        "unexplained": f"The {the_model} lacks something that {_unexplained(diagnosis)}.",
-    }
-    causes = f"{_order(diagnosis)}{_worth(diagnosis)}" if diagnosis.causes_ else ""
-    parts = (sentences[diagnosis.verdict_], causes, _in_free_run(diagnosis), _described(diagnosis))
+def _causes(diagnosis) -> str:
+    """Return a sentence on the causes, and what they are worth."""
+    said = f"The {_the_model(diagnosis)} {lacks(diagnosis.causes_)}"
+    if diagnosis.verdict_ == "ambiguous":
+        said += f", or {_others(diagnosis)}: these records do not separate them"
+    return _together(f"{said}.", f"{_order(diagnosis)}{_worth(diagnosis)}", diagnosis)
+
+
+def _missing(diagnosis) -> str:
+    """Return a sentence on what is missing and has no name."""
+    said = f"The {_the_model(diagnosis)} lacks something that {_unexplained(diagnosis)}."
+    return _together(said, "", diagnosis)
+
+
+def _together(said: str, causes: str, diagnosis) -> str:
+    """Return what was found with what the free run and a formula say."""
+    parts = (said, causes, _in_free_run(diagnosis), _described(diagnosis))
     return " ".join(part.strip() for part in parts if part)
 
 
@@ -236,16 +174,29 @@ def _unexplained(diagnosis) -> str:
     return "no known effect explains"
 
 
+def _nothing_found(diagnosis) -> str:
+    """Return that much is left, and that nothing that was tried explains it."""
+    the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
+    left = [
+        f"{times(e.refitted)} {_of(output, 'the noise', errors)}" for output, e in errors.items()
+    ]
+    said = (
+        f"No effect of the catalogue improves the {the_model}; but after re-tuning it leaves "
+        f"{listed(left)}."
+    )
+    return f"{said} {_in_free_run(diagnosis)}".strip()
+
+
 def _adequate(diagnosis) -> str:
-    """Return whether the model is adequate as given or re-tuned, or that much error is left."""
+    """Return that the model is adequate, as given or re-tuned."""
+    return f"{_is_adequate(diagnosis)} {_in_free_run(diagnosis)}".strip()
+
+
+def _is_adequate(diagnosis) -> str:
     the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
     noise = {output: _of(output, "the noise", errors) for output in errors}
-    if leaves_much(diagnosis):
-        left = [f"{times(e.refitted)} {noise[output]}" for output, e in errors.items()]
-        return (
-            f"No effect of the catalogue improves the {the_model}; but after re-tuning it leaves "
-            f"{listed(left)}."
-        )
+    if not diagnosis.complete_:
+        return f"The re-tuned {the_model} leaves little more than noise."
     if is_adequate_as_given(diagnosis):
         given = [f"{times(e.prior)} {noise[output]}" for output, e in errors.items()]
         return (
@@ -289,24 +240,32 @@ def remaining_sentence(diagnosis) -> str:
         for output, x in sorted(errors.items(), key=lambda item: -item[1])
     )
     if remaining.kind == "structure":
-        on = listed(remaining.depends_on) or "what was recorded"
-        left = (
-            "What is left" if diagnosis.discrepancy_ is None else "What is left without the formula"
-        )
-        return f"{left} is structure ({much}): it depends on {on}, so physics is still missing."
+        without = "" if diagnosis.discrepancy_ is None else " without the formula"
+        law = law_sentence(diagnosis.model, remaining.law)
+        return f"What is left{without} is structure ({much}): {law}, so physics is still missing."
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
-    if runs_away(diagnosis):
-        return "What is left is the model's own divergence: it says nothing about the machine."
+    if diagnosis.verdict_ == "predicts_nothing":
+        return "What is left is the model's own error: it says nothing about the machine."
     return (
         f"What is left is coloured noise or a disturbance ({much}): nothing that was recorded "
-        f"predicts it."
+        f"predicts it, neither as it is nor as it was before."
     )
 
 
-def missing_place(diagnosis, part) -> str:
+def law_sentence(model: PhysicsModel, law: Structure) -> str:
+    """Return where a law without a name acts, what it depends on, and what it explains."""
+    on = listed(law.depends_on) or "what was recorded"
+    memory = f", and on what was some {number(law.memory, 2)} s before" if law.memory else ""
+    return (
+        f"it depends on {on}{memory}. A law that acts on {place_name(model, law.place)} explains "
+        f"{percent(law.share)} of it in records not used for it"
+    )
+
+
+def place_name(model: PhysicsModel, target: str) -> str:
     """Return the place of a missing part."""
-    return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
+    return f"the rate of {target}" if target in model.states else target
 
 
 def dependence(diagnosis, part) -> str:
@@ -332,12 +291,24 @@ def _described(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
         return ""
-    on, left = dependence(diagnosis, part), times(part.error)
+    on, errors = dependence(diagnosis, part), over_windows(diagnosis)
+    left = [f"{times(e.best)} {_of(output, 'the noise', errors)}" for output, e in errors.items()]
+    free = _free_with_formula(diagnosis)
     return (
-        f"Something is missing in {missing_place(diagnosis, part)}. {on}With "
-        f"{readable(part.formula)} added there the model leaves {left} the noise. "
-        f"{known_sentence(diagnosis, part)}"
+        f"Something is missing in {place_name(diagnosis.model, part.target)}. {on}With "
+        f"{readable(part.formula)} added there the model leaves {listed(left)} over held-out "
+        f"windows{free}. {known_sentence(diagnosis, part)}"
     ).rstrip()
+
+
+def _free_with_formula(diagnosis) -> str:
+    """Return what the model with the formula leaves in free run, where that is informative."""
+    runs = in_free_run(diagnosis)
+    told = {o: run for o, run in runs.items() if diagnosis.free_run_[o].tells}
+    left = listed(
+        f"{times(run.best)}{' of ' + o if len(runs) > 1 else ''}" for o, run in told.items()
+    )
+    return f", and in free run {left}" if told else ""
 
 
 def _others(diagnosis) -> str:
@@ -346,6 +317,8 @@ def _others(diagnosis) -> str:
         for cause in diagnosis.causes_
         for other in cause.confused_with
     }
+    if any(cause.is_open and not cause.confused_with for cause in diagnosis.causes_):
+        others[UNNAMED] = None
     place = "in its place" if len(diagnosis.causes_) == 1 else "in the place of one of them"
     return f"{' or '.join(others)} {place}"
 
@@ -366,10 +339,14 @@ def _order(diagnosis) -> str:
 
 
 def _worth(diagnosis) -> str:
-    """Return the errors of the given, the re-tuned and the extended model, output by output."""
-    errors = over_windows(diagnosis)
-    left = listed(_of(output, _three(e), errors) for output, e in errors.items())
-    return f"On data held out of the fit it leaves, in units of the noise: {left}."
+    """Return the errors of the models, output by output."""
+    errors, shown = over_windows(diagnosis), shown_models(diagnosis)
+    left = "; ".join(
+        (f"{output} " if len(errors) > 1 else "")
+        + ", ".join(f"{_bare(getattr(e, which))} {said}" for which, said in shown.items())
+        for output, e in errors.items()
+    )
+    return f"Error on held-out data, in units of the noise: {left}."
 
 
 def _in_free_run(diagnosis) -> str:
@@ -395,11 +372,11 @@ def _worse_in_free_run(diagnosis) -> str:
     runs = in_free_run(diagnosis).items()
     found = {output: error for output, error in runs if diagnosis.free_run_[output].tells}
     much = 1.0 / math.sqrt(1.0 - diagnosis.smallest_share)
-    worse = {output: e for output, e in found.items() if not e.extended <= much * e.prior}
+    worse = {output: e for output, e in found.items() if not e.best <= much * e.prior}
     if not worse:
         return ""
     rise = [
-        _of(output, f"{times(e.prior)} as given, {times(e.extended)} now", found)
+        _of(output, f"{times(e.prior)} as given, {times(e.best)} now", found)
         for output, e in worse.items()
     ]
     is_short = any(finding.kind == "short records" for finding in diagnosis.data_quality_)
@@ -411,10 +388,9 @@ def _worse_in_free_run(diagnosis) -> str:
     )
 
 
-def _three(errors) -> str:
-    """Return the errors of the three models."""
-    given, refitted, extended = (times(e) for e in (errors.prior, errors.refitted, errors.extended))
-    return f"{given} as given, {refitted} re-tuned, {extended} extended"
+def _bare(error: float) -> str:
+    """Return an error in units of the noise as a bare number."""
+    return times(error).removesuffix(" ×")
 
 
 def separation_sentence(separation) -> str:
@@ -449,6 +425,17 @@ def separation_sentence(separation) -> str:
         f"To separate {one} from {other}, apply {best.excitation}, {best.input} by "
         f"{number(best.amplitude, 2)}{unit} about {number(best.offset, 2)}{unit}, for "
         f"{number(best.duration, 3)} s ({reached}){often}. The two then differ by "
-        f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
+        f"{times(best.difference)} the noise, {number(best.evidence, 2)} standard errors "
         f"in one record."
     )
+
+
+_SAID = {
+    "cause_named": _causes,
+    "ambiguous": _causes,
+    "unexplained": _missing,
+    "provisional": _so_far,
+    "predicts_nothing": runaway_sentence,
+    "nothing_found": _nothing_found,
+    "model_adequate": _adequate,
+}

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from sklearn_pgnn.diagnosis.noise_units import error_together, ratio
-from sklearn_pgnn.estimation.budgets import MUCH
+
+#: the models of a diagnosis and what they are called
+MODELS = {
+    "prior": "as given",
+    "refitted": "re-tuned",
+    "extended": "extended",
+    "formula": "with formula",
+}
 
 
 @dataclass(frozen=True)
@@ -16,35 +23,59 @@ class Errors:
     ----------
     prior, refitted, extended : float
         The model as given, re-tuned, and re-tuned and extended; infinite where it diverges.
+    formula : float
+        The model with the causes and the formula; not a number where there is no formula.
     """
 
     prior: float
     refitted: float
     extended: float
+    formula: float
+
+    @classmethod
+    def of(cls, errors, noise: float) -> "Errors":
+        """Return errors in an output's unit in units of its noise."""
+        return cls(*(ratio(getattr(errors, which), noise) for which in MODELS))
+
+    @property
+    def best(self) -> float:
+        """The error of the model with all that was found."""
+        return self.extended if math.isnan(self.formula) else self.formula
+
+
+def shown_models(diagnosis) -> dict[str, str]:
+    """Return the models of a diagnosis and what they are called in a table, the best last."""
+    return models_called(bool(diagnosis.causes_), diagnosis.discrepancy_ is not None)
+
+
+def models_called(has_causes: bool, has_formula: bool) -> dict[str, str]:
+    """Return the models, without the extended one where it is but the re-tuned one.
+
+    Examples
+    --------
+    >>> models_called(has_causes=False, has_formula=True)
+    {'prior': 'as given', 'refitted': 're-tuned', 'formula': 'with formula'}
+    """
+    titles = {**MODELS, "extended": "without formula"} if has_formula else MODELS
+    is_shown = {"extended": has_causes, "formula": has_formula}
+    return {which: title for which, title in titles.items() if is_shown.get(which, True)}
 
 
 def over_windows(diagnosis) -> dict[str, Errors]:
     """Return the errors over held-out windows, by output, in units of the noise."""
-    return {
-        output: Errors(*(ratio(e, gain.noise) for e in (gain.prior, gain.refitted, gain.extended)))
-        for output, gain in diagnosis.gain_.items()
-    }
+    return {output: Errors.of(gain, gain.noise) for output, gain in diagnosis.gain_.items()}
 
 
 def in_free_run(diagnosis) -> dict[str, Errors]:
     """Return the errors in free run, by output, in units of the noise."""
-    found = {}
-    for output, e in diagnosis.free_run_.items():
-        noise = diagnosis.gain_[output].noise
-        found[output] = Errors(*(ratio(each, noise) for each in (e.prior, e.refitted, e.extended)))
-    return found
+    noise = {output: gain.noise for output, gain in diagnosis.gain_.items()}
+    return {output: Errors.of(e, noise[output]) for output, e in diagnosis.free_run_.items()}
 
 
 def together(diagnosis) -> Errors:
     """Return the errors over held-out windows of all outputs together, in units of the noise."""
     gains, records = diagnosis.gain_, diagnosis.records_
-    models = ("prior", "refitted", "extended")
-    return Errors(*(error_together(gains, records, which) for which in models))
+    return Errors(*(error_together(gains, records, which) for which in MODELS))
 
 
 class LeftAlone(NamedTuple):
@@ -92,7 +123,7 @@ def left_alone(diagnosis) -> list[LeftAlone]:
 
 def leaves_much(diagnosis) -> bool:
     """Return whether the residuals of any output over windows exceed twice its noise."""
-    return any(not errors.extended <= MUCH for errors in over_windows(diagnosis).values())
+    return diagnosis.remaining_.is_much
 
 
 def retuning_counts(diagnosis) -> bool:

@@ -36,6 +36,15 @@ def _plain(value):
     return value.item() if isinstance(value, np.generic) else value
 
 
+def _in_words(params: dict) -> str:
+    """Return parameters as text, numbers with four digits."""
+    texts = {
+        name: f"{value:.4g}" if isinstance(value, float) else str(value)
+        for name, value in params.items()
+    }
+    return ", ".join(f"{name}={text}" for name, text in texts.items())
+
+
 def _means(scores) -> np.ndarray:
     """Return every candidate's mean score over its folds, NaN for one without any."""
     known = np.isfinite(scores)
@@ -139,7 +148,8 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
     random_state : int, RandomState instance or None, default=None
         Controls the random draw of the candidates.
     verbose : int, default=0
-        Whether to print a line for every candidate.
+        Whether to print a line for every candidate: its parameters, score and time, and the best
+        score so far.
 
     Attributes
     ----------
@@ -258,7 +268,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
             if point is not None:
                 waiting[i] = point
             _tell(optimizer, waiting, _means(scores))
-            self._show(i, scores, seconds[i])
+            self._show(i, params, scores, seconds[i])
         self._keep(candidates, scores[: len(candidates)], seconds)
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
         self._check_fit(X, y, scores[self.best_index_].min())
@@ -350,14 +360,14 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
                 for fold in folds[start : start + together]
             )
 
-    def _show(self, i, scores, seconds) -> None:
+    def _show(self, i, params, scores, seconds) -> None:
         if self.verbose:
             n_folds = int(np.isfinite(scores[i]).sum())
             best = scores.mean(axis=1)[np.isfinite(scores).all(axis=1)].max(initial=-np.inf)
             print(
-                f"[{type(self).__name__}] candidate {i + 1} of {self.n_iter}: score "
-                f"{_means(scores)[i]:.4g} over {n_folds} of {self.n_splits_} folds, "
-                f"{seconds:.1f} s; best {best:.4g}",
+                f"[{type(self).__name__}] candidate {i + 1} of {self.n_iter}: "
+                f"{_in_words(params)}; score {_means(scores)[i]:.4g} over {n_folds} of "
+                f"{self.n_splits_} folds, {seconds:.1f} s; best {best:.4g}",
                 flush=True,
             )
 

@@ -5,8 +5,9 @@ from inspect import signature
 
 from sklearn.base import clone
 
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import ModelWarning, OptionError
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.user_line import warn_user
 
 #: weights of the physical loss that a search chooses from, fewer than for a Pareto front;
 #: a logarithmic range would lack 0, which often is the best
@@ -62,6 +63,12 @@ def search_space(estimator, **changes) -> dict:
         If a change names no parameter, of the estimators inside and of a network's core either, or
         nothing is left to search.
 
+    Warns
+    -----
+    ModelWarning
+        If a network's ``lambda_phy`` is left out because it has no physical loss;
+        ``lambda_phy=None`` says so without a warning.
+
     Examples
     --------
     >>> from sklearn.linear_model import Ridge
@@ -72,9 +79,13 @@ def search_space(estimator, **changes) -> dict:
     {'ridge__alpha': (1e-06, 1000.0, 'log-uniform')}
     """
     known = _dimensions_of(estimator)
+    if "lambda_phy" not in changes:
+        _warn_of_no_energy(estimator)
     parameters = estimator.get_params()
     for name, dimension in changes.items():
         places = [full for short, full in known if short == name]
+        if dimension is None and not places and _has_parameter(estimator, name):
+            continue  # it is left out already
         if not places and name not in parameters and name.partition("__")[0] not in parameters:
             shorts = ", ".join(dict.fromkeys(short for short, _ in known)) or "none"
             raise ValueError(
@@ -181,6 +192,10 @@ def searched_parts(estimator) -> dict:
     return {}
 
 
+def _has_parameter(estimator, name: str) -> bool:
+    return any(name in part.get_params(deep=False) for part in _parts(estimator).values())
+
+
 def _is_one(part) -> bool:
     return hasattr(part, "get_params") and not isinstance(part, type)
 
@@ -191,16 +206,36 @@ def _network(parameters) -> dict:
         return {}
     space, model = _import_space(), parameters.get("model")
     core = signature(parameters["module"]).parameters
-    energetic = bool(getattr(model, "energy", None)) or parameters.get("physics_loss") is not None
     wanted = {
         "module__neurons": ("neurons" in core, space.Integer(3, 20)),
         "module__layers": ("layers" in core, space.Integer(1, 2)),
         "lr": (True, space.Real(1e-3, 3e-2, prior="log-uniform")),
-        "lambda_phy": (energetic, space.Categorical(list(SEARCHED_LAMBDAS))),
+        "lambda_phy": (_has_physical_loss(parameters), space.Categorical(list(SEARCHED_LAMBDAS))),
         "structure": (model is not None, _structures(parameters, space)),
         "horizon": (True, space.Categorical([1, 20, 50])),
     }
     return {name: dimension for name, (there, dimension) in wanted.items() if there}
+
+
+def _has_physical_loss(parameters) -> bool:
+    """Return whether a network has an energy balance or another physical loss."""
+    energy = getattr(parameters.get("model"), "energy", None)
+    return bool(energy) or parameters.get("physics_loss") is not None
+
+
+def _warn_of_no_energy(estimator) -> None:
+    """Warn where the weight of a physical loss is not searched, for there is none."""
+    for prefix, part in _parts(estimator).items():
+        parameters = part.get_params(deep=False)
+        if "lambda_phy" in parameters and not _has_physical_loss(parameters):
+            model = parameters.get("model")
+            lacks = "there is no model" if model is None else f"{model.name!r} has no energy"
+            warn_user(
+                f"{prefix}lambda_phy: left out of the search, for {lacks} and no other physical "
+                f"loss is given. Remedy: 'energy' in the model, physics_loss=..., or lambda_phy="
+                f"None to leave it out.",
+                ModelWarning,
+            )
 
 
 def _structures(parameters, space):

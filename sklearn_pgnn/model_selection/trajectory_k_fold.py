@@ -24,8 +24,8 @@ class TrajectoryKFold(BaseCrossValidator):
     and neighbours share a fold.
 
     A search that saves time by using fewer samples (``resource="n_samples"``, the default of
-    `HalvingRandomSearchCV` and `HalvingGridSearchCV`) draws single rows and breaks up every
-    trajectory; choose another resource, such as ``resource="max_iter"``.
+    `HalvingRandomSearchCV` and `HalvingGridSearchCV`) draws single rows, which the estimators
+    refuse; choose another resource, such as ``resource="max_iter"``, or `HalvingBayesSearchCV`.
 
     Parameters
     ----------

@@ -226,15 +226,15 @@ class PhysicsModel:
         Returns
         -------
         str
-            Its unit; an output has a unit if it is a sum, a bound or the magnitude of quantities
-            of that unit, otherwise none.
+            Its unit; that of an output follows from its expression, and is empty where a number
+            in it may be a conversion, or a quantity has no unit.
 
         Examples
         --------
         >>> cart = PhysicsModel({"v": "m/s"}, {"v": "F"}, inputs={"F": "N"},
         ...                     outputs={"speed": "abs(v)", "power": "F*v"})
         >>> cart.unit("speed"), cart.unit("power")
-        ('m/s', '')
+        ('m/s', 'W')
         """
         if name in self.parameters:
             return self.parameters[name].unit
@@ -242,10 +242,10 @@ class PhysicsModel:
         return units[name] if name in units else self.unit_of(self.outputs.get(name))
 
     def unit_of(self, expression: sympy.Expr | None) -> str:
-        """Return the common unit of all quantities in a sum, a bound or a magnitude.
+        """Return the unit of an expression of the model's quantities.
 
-        A factor that is a sum with a number has no unit; other products, and unknown units, are
-        reported as none.
+        A factor that is a sum with a number has no unit; a product with a number, which may be a
+        conversion, and unknown units are reported as none.
 
         Parameters
         ----------

@@ -19,7 +19,6 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from sklearn_pgnn.exceptions import ModelError, UnitWarning
-from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.unit_check import check_units
 from sklearn_pgnn.user_line import warn_user
@@ -57,7 +56,7 @@ def read_model(path) -> PhysicsModel:
     Warns
     -----
     UnitWarning
-        If the units of an equation are inconsistent, with the term; only if pint is installed.
+        If the units of an equation are inconsistent, with the term.
 
     Examples
     --------
@@ -133,8 +132,7 @@ class _Reader:
         except ModelError as error:
             place = self.places.get(error.where) or self.places.get(error.where[:1])
             self.refuse(place, str(error))
-        if is_installed("units"):
-            self.warn_of_units(model)
+        self.warn_of_units(model)
         return model
 
     def warn_of_units(self, model: PhysicsModel) -> None:

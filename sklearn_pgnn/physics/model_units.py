@@ -1,77 +1,125 @@
 """Units of expressions in a model's quantities."""
 
-from collections import Counter
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
+from fractions import Fraction
 
 import sympy
 
+#: a name in a unit with its power, and what stands before it
+_PART = re.compile(r"([/ *·]*)(°?[^\W\d]+|%|°|Ω)(?:(?:\^|\*\*)?([-+]?\d+))?")
+#: products that have a name
+_NAMED = {"A V": "W", "N m/s": "W", "kg m/s^2": "N", "A s": "C", "A Ω": "V", "A ohm": "V"}
+#: functions whose value is a plain number
+_NUMBERS = (sympy.sin, sympy.cos, sympy.tan, sympy.tanh, sympy.sign, sympy.exp, sympy.log)
+
 
 def unit_of(expression: sympy.Expr | None, unit: Callable[[str], str]) -> str:
-    """Return the common unit of all quantities in a sum, a bound or a magnitude.
+    """Return the unit of an expression, from the units of its quantities.
 
-    Parameters
-    ----------
-    expression : sympy.Expr or None
-        An expression of quantities.
-    unit : callable
-        Returns the unit of a quantity.
-
-    Returns
-    -------
-    str
-        Its unit; empty if it has none or the unit is unknown.
+    It is empty where a quantity has no unit, where a number may be the conversion to another unit,
+    where the parts of a sum differ, or where the unit cannot be told. An angle counts as a number
+    in a product with other quantities.
 
     Examples
     --------
-    >>> x, y = sympy.symbols("x y")
-    >>> units = {"x": "m", "y": "m"}
-    >>> unit_of(x + y, units.get), unit_of(x * y, units.get)
-    ('m', '')
+    >>> x, y, k, w = sympy.symbols("x y k w")
+    >>> units = {"x": "m", "y": "m", "k": "V s/rad", "w": "rad/s"}
+    >>> [unit_of(each, units.get) for each in (x + y, k * w, x * w, w / k, 3.6 * x)]
+    ['m', 'V', 'm/s', '1/(V s^2)', '']
     """
     if isinstance(expression, sympy.Symbol):
         return unit(str(expression))
+    powers = None if expression is None else _powers(expression, unit)
+    return "" if powers is None else _written(powers)
+
+
+def _powers(expression: sympy.Expr, unit: Callable[[str], str]) -> dict[str, Fraction] | None:
+    """Return the powers of the units of an expression; None where they cannot be told."""
+    if isinstance(expression, sympy.Symbol):
+        return _read(unit(str(expression)))
+    if isinstance(expression, _NUMBERS) or expression == -1:
+        return {}
+    if isinstance(expression, sympy.Pow) and expression.exp.is_Rational:
+        base, power = _powers(expression.base, unit), expression.exp
+        return base and {n: p * Fraction(power.p, power.q) for n, p in base.items()}
     if isinstance(expression, sympy.Mul):
-        factors = [part for part in expression.args if not _has_no_unit(part)]
-        return unit_of(factors[0], unit) if len(factors) == 1 else ""
-    if not isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
-        return ""
-    units = {unit_of(part, unit) for part in expression.args if not part.is_number}
-    return units.pop() if len(units) == 1 else ""
+        return _product([_of_factor(part, unit) for part in expression.args])
+    if isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
+        return _common(expression, unit)
+    return None
 
 
-def unit_of_product(expression: sympy.Expr, unit: Callable[[str], str]) -> str:
-    """Return the unit of a product of quantities and their powers.
+def _of_factor(expression: sympy.Expr, unit: Callable[[str], str]) -> dict[str, Fraction] | None:
+    """Return the powers of a factor; a sum with a number counts as a number."""
+    is_sum = isinstance(expression, sympy.Add)
+    is_number = is_sum and any(part.is_number for part in expression.args)
+    return {} if is_number else _powers(expression, unit)
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        An expression of quantities.
-    unit : callable
-        Returns the unit of a quantity.
 
-    Returns
-    -------
-    str
-        Its unit; empty if it is not such a product, if a power is not a positive integer, or if a
-        unit is unknown or compound.
+def _common(expression: sympy.Expr, unit: Callable[[str], str]) -> dict[str, Fraction] | None:
+    """Return what all parts of a sum or a bound have that are not numbers."""
+    first, *others = (_powers(part, unit) for part in expression.args if not part.is_number)
+    return first if all(other == first for other in others) else None
+
+
+def _product(parts: list[dict[str, Fraction] | None]) -> dict[str, Fraction] | None:
+    """Return the powers of a product, without an angle beside other quantities."""
+    whole: dict[str, Fraction] = {}
+    for part in parts:
+        if part is None:
+            return None
+        for name, power in part.items():
+            whole[name] = whole.get(name, Fraction(0)) + power
+    kept = {name: power for name, power in whole.items() if power}
+    is_angle = not set(kept) - {"rad", "s"}
+    return kept if is_angle else {n: p for n, p in kept.items() if n != "rad"}
+
+
+def _read(unit: str) -> dict[str, Fraction] | None:
+    """Return the powers in a unit such as ``N m/(rad/s)^2``; None for none, or another form.
 
     Examples
     --------
-    >>> m, l = sympy.symbols("m l")
-    >>> units = {"m": "kg", "l": "m"}
-    >>> unit_of_product(m * l**2, units.get), unit_of_product(2 * m, units.get)
-    ('kg m^2', '')
+    >>> {name: int(power) for name, power in _read("V s/rad").items()}, _read("N/(m s)")["s"] < 0
+    ({'V': 1, 's': 1, 'rad': -1}, True)
+    >>> _read(""), _read("1"), _read("m^0.5")
+    (None, {}, None)
     """
-    powers: Counter[str] = Counter()
-    for base, power in expression.as_powers_dict().items():
-        known = unit(str(base)) if isinstance(base, sympy.Symbol) else ""
-        if not (known and known.isalpha() and power.is_Integer and power > 0):
-            return ""
-        powers[known] += int(power)
-    order = sorted(powers, key=lambda name: (powers[name], name))
-    return " ".join(name if powers[name] == 1 else f"{name}^{powers[name]}" for name in order)
+    text = unit.strip().replace("²", "^2").replace("³", "^3")
+    if text == "1":
+        return {}
+    above, _, below = text.partition("/(")
+    if below:
+        inner = _read(below[:-1]) if below.endswith(")") and "(" not in below else None
+        outer = _read(above) if above != "1" else {}
+        return None if inner is None or outer is None else _product([outer, _inverse(inner)])
+    text = re.sub(r"^1(?=/)", "", text)
+    if not text or _PART.sub("", text):
+        return None
+    powers: dict[str, Fraction] = {}
+    for before, name, power in _PART.findall(text):
+        sign = -1 if "/" in before else 1
+        powers[name] = powers.get(name, Fraction(0)) + sign * int(power or 1)
+    return powers
 
 
-def _has_no_unit(factor: sympy.Expr) -> bool:
-    """Return whether a factor is a sum with a number."""
-    return isinstance(factor, sympy.Add) and any(part.is_number for part in factor.args)
+def _inverse(powers: Mapping[str, Fraction]) -> dict[str, Fraction]:
+    return {name: -power for name, power in powers.items()}
+
+
+def _written(powers: Mapping[str, Fraction]) -> str:
+    """Return powers as a unit; empty where one is no integer."""
+    if any(power.denominator != 1 for power in powers.values()):
+        return ""
+    order = sorted(powers, key=lambda name: (abs(powers[name]), name))
+    above = [_part(name, int(powers[name])) for name in order if powers[name] > 0]
+    below = [_part(name, int(-powers[name])) for name in order if powers[name] < 0]
+    under = f"({' '.join(below)})" if len(below) > 1 else "".join(below)
+    text = " ".join(above) or ("1" if below else "")
+    text = f"{text}/{under}" if under else text
+    return _NAMED.get(text, text)
+
+
+def _part(name: str, power: int) -> str:
+    return name if power == 1 else f"{name}^{power}"

@@ -73,7 +73,8 @@ class Scales:
         Parameters
         ----------
         names : iterable of str
-            The signals; they may have gone equally far to the other side of zero.
+            The signals; they may have gone equally far to the other side of zero. States that an
+            effect has added are in no record, and have no range.
 
         Returns
         -------
@@ -86,5 +87,5 @@ class Scales:
         >>> seen.of_either_sign(["x"]).ends("x")
         (-2.0, 2.0)
         """
-        ranges = {name: (-self.peak[name], self.peak[name]) for name in names}
+        ranges = {name: (-self.peak[name], self.peak[name]) for name in names if name in self.peak}
         return replace(self, extremes={**self.extremes, **ranges}) if ranges else self

@@ -1,16 +1,18 @@
 """Check of the units of a model's equations, term by term."""
 
 from collections import Counter
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
 from sklearn_pgnn.physics.expressions import TIME, to_text
 from sklearn_pgnn.physics.external import External
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.units import Measure, product, read_unit
+from sklearn_pgnn.physics.units import is_like, no_unit, product, read_unit, unit_text
 
-_PLAIN = Measure()
-_SECOND = Measure(1.0, (("s", 1.0),))
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.units import Quantity
+
 #: functions of a number, or of an angle in radians
 _OF_NUMBERS = (
     *(sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan),
@@ -37,11 +39,6 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
     tuple of str
         One sentence per term; empty if all units are consistent.
 
-    Raises
-    ------
-    ModuleNotFoundError
-        If pint is not installed.
-
     Examples
     --------
     >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, inputs={"F": "N"},
@@ -52,17 +49,17 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
     check = _Check(model)
     for state, rate in model.equations.items():
         unit = check.table.get(state)
-        check.ask(f"equations.{state}", rate, None if unit is None else unit / _SECOND)
+        check.ask(f"equations.{state}", rate, None if unit is None else unit / read_unit("s"))
     for output, shown in model.outputs.items():
         check.ask(f"outputs.{output}", shown, None)
     for part, expression in model.energy.items():
         check.ask(f"energy.{part}", expression, None)
     for name, delay in model.delays.items():
-        check.ask(f"delays.{name}", sympy.Symbol(delay, real=True), _SECOND)
+        check.ask(f"delays.{name}", sympy.Symbol(delay, real=True), read_unit("s"))
     return tuple(dict.fromkeys(check.said))
 
 
-def output_measure(model: PhysicsModel, output: str) -> Measure | None:
+def output_measure(model: PhysicsModel, output: str) -> "Quantity | None":
     """Return the measure of an output by its expression, if no number in it may be a conversion.
 
     Parameters
@@ -74,14 +71,9 @@ def output_measure(model: PhysicsModel, output: str) -> Measure | None:
 
     Returns
     -------
-    Measure or None
+    pint.Quantity or None
         What it measures; a quantity without a unit counts as a plain number. None if there is a
         numerical factor or a unit is unknown.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If pint is not installed.
 
     Examples
     --------
@@ -92,7 +84,7 @@ def output_measure(model: PhysicsModel, output: str) -> Measure | None:
     """
     expression, check = model.outputs[output], _Check(model)
     names = set(map(str, expression.free_symbols)) - set(check.table)
-    check.table |= {name: _PLAIN for name in names if not model.unit(name)}
+    check.table |= {name: no_unit() for name in names if not model.unit(name)}
     return check.measure(expression) if _is_bare(expression) else None
 
 
@@ -103,11 +95,13 @@ class _Check:
         units = {**model.states, **model.inputs}
         units |= {name: p.unit for name, p in model.parameters.items()}
         #: measure by name of quantity; those without a unit or with an unknown one are left out
-        self.table = {n: m for n, u in units.items() if u and (m := read_unit(u)) is not None}
-        self.table[str(TIME)] = _SECOND
+        self.table: dict[str, Any] = {
+            n: m for n, u in units.items() if u and (m := read_unit(u)) is not None
+        }
+        self.table[str(TIME)] = read_unit("s")
         self.said: list[str] = []
 
-    def ask(self, where: str, expression, expected: Measure | None) -> None:
+    def ask(self, where: str, expression, expected: "Quantity | None") -> None:
         """Record every term of an expression that differs from the expected measure."""
         if expression.is_number:
             return
@@ -143,13 +137,13 @@ class _Check:
         left = expected / others if known else None
         if left is not None and number:
             mine = self.measure(inner)
-            left = left if mine is None or not mine.is_like(left) else None
+            left = left if mine is None or not is_like(mine, left) else None
         self.ask(where, inner, left)
 
     def ask_inside(self, where, expression) -> None:
         """Check the arguments of functions, and the parts of products and powers."""
         if isinstance(expression, _OF_NUMBERS):
-            self.ask(where, expression.args[0], _PLAIN)
+            self.ask(where, expression.args[0], no_unit())
         elif isinstance(expression, sympy.Function | sympy.Mul | sympy.Pow):
             for part in expression.args:
                 self.ask(where, part, None)
@@ -159,22 +153,22 @@ class _Check:
         got = self.measure(term)
         if got is None or expected is None:
             return
-        scale = expected.factor / got.factor
-        if not got.is_like(expected):
+        scale = expected.magnitude / got.magnitude
+        if not is_like(got, expected):
             why = "" if _is_bare(term) else _NUMBER
         elif _is_bare(term) and abs(scale - 1) > 1e-6:
             why = f" (a factor of {1 / scale:.4g})"
         else:
             return
         self.said.append(
-            f"{where}: the term {_short(term)} is in {got.to_text()}, expected "
-            f"{expected.to_text()}{why}."
+            f"{where}: the term {_short(term)} is in {unit_text(got)}, expected "
+            f"{unit_text(expected)}{why}."
         )
 
-    def measure(self, expression) -> Measure | None:
+    def measure(self, expression) -> "Quantity | None":
         """Return what an expression measures; None if unknown."""
         if expression.is_number:
-            return None if expression.is_zero else _PLAIN
+            return None if expression.is_zero else no_unit()
         if isinstance(expression, sympy.Symbol):
             return self.table.get(str(expression))
         if isinstance(expression, sympy.Mul):
@@ -183,21 +177,21 @@ class _Check:
             return self.power(expression)
         if isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
             return next(iter(self.measures(expression)), None)
-        return None if isinstance(expression, External) else _PLAIN
+        return None if isinstance(expression, External) else no_unit()
 
-    def measures(self, expression) -> list[Measure]:
+    def measures(self, expression) -> list["Quantity"]:
         """Return what the terms of a sum or a bound measure; numbers take the terms' unit."""
         terms = [term for term in expression.args if not term.is_number]
         return [measure for term in terms if (measure := self.measure(term)) is not None]
 
-    def power(self, expression) -> Measure | None:
+    def power(self, expression) -> "Quantity | None":
         """Return what a power measures."""
         base = self.measure(expression.base)
         if base is None:
             return None
         if expression.exp.is_number:
             return base ** float(expression.exp)
-        return _PLAIN if base == _PLAIN else None
+        return no_unit() if base == no_unit() else None
 
 
 def _short(term) -> str:

@@ -1,18 +1,20 @@
 """Units as written in model files and headers: their meaning and conversion.
 
-A unit is parsed by the same whitelist as an equation; pint (extra ``units``) knows the names.
+A unit is parsed by the same whitelist as an equation; pint knows the names, and multiplies them.
 """
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.expressions import parse_expression
+
+if TYPE_CHECKING:
+    from pint import Quantity, UnitRegistry
 
 #: longest unit that is read
 MAX_LENGTH = 60
@@ -20,99 +22,68 @@ MAX_LENGTH = 60
 NONE = frozenset({"", "-", "1", "[]"})
 #: signs and words that pint would read differently
 _SPELLED = {"%": "percent", "°C": "degC", "℃": "degC", "°": "deg", "Ω": "ohm", "Ohm": "ohm"}
+_SPELLED |= {"U/min": "rpm", "r/min": "rpm", "Umdr/min": "rpm", "Grad": "deg"}
 _SPELLED |= {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "²": "^2", "³": "^3", "½": "^0.5"}
 _NEWTON_METRE = re.compile(r"\b([kMmu]?)Nm\b")
-_SQUARE = re.compile(r"\b([A-Za-z]+)([23])\b")
+_POWER = re.compile(r"\b([A-Za-z]+)([23]|-[1-4])\b")
+_ANGLE = re.compile(r"rad|deg|rpm|rev|turn|arc")
 _SMALL = 1e-9
 #: common units, for messages
 _COMMON = ("N", "N m", "W", "V", "ohm", "Pa", "N/m", "N s/m", "N/s", "m/s", "m/s^2", "1/s", "1/s^2")
 
 
-@dataclass(frozen=True)
-class Measure:
-    """The measure of a unit: its size in base units, and their powers.
+def unit_text(quantity: "Quantity") -> str:
+    """Return a quantity of size 1 in common units, else in base units, with the factor if not 1.
 
-    Parameters
-    ----------
-    factor : float
-        Size of the unit in base units.
-    powers : tuple of (str, float)
-        Powers of the base units, by name; an angle has none.
+    Examples
+    --------
+    >>> unit_text(read_unit("g m/s^2"))
+    '0.001 N'
     """
-
-    factor: float = 1.0
-    powers: tuple[tuple[str, float], ...] = ()
-
-    def __mul__(self, other: "Measure") -> "Measure":
-        powers = dict(self.powers)
-        for name, power in other.powers:
-            powers[name] = powers.get(name, 0.0) + power
-        return _measure(self.factor * other.factor, powers)
-
-    def __pow__(self, exponent: float) -> "Measure":
-        return _measure(self.factor**exponent, {n: p * exponent for n, p in self.powers})
-
-    def __truediv__(self, other: "Measure") -> "Measure":
-        return self * other**-1.0
-
-    def is_like(self, other: "Measure") -> bool:
-        """Return whether another measure is of the same kind of quantity."""
-        return self.powers == other.powers
-
-    def to_text(self) -> str:
-        """Return the measure in common units, else in base units, with the factor if not 1.
-
-        Examples
-        --------
-        >>> Measure(1e-3, (("kg", 1.0), ("m", 1.0), ("s", -2.0))).to_text()
-        '0.001 N'
-        """
-        known = _common().get(self.powers)
-        base = (n if power == 1 else f"{n}^{power:g}" for n, power in self.powers)
-        scaled = [] if abs(self.factor - 1) < _SMALL else [f"{self.factor:.4g}"]
-        return " ".join([*scaled, *([known] if known else base)]) or "no unit"
+    known = next((text for text in _COMMON if is_like(read_unit(text), quantity)), None)
+    scaled = [] if abs(quantity.magnitude - 1) < _SMALL else [f"{quantity.magnitude:.4g}"]
+    return " ".join([*scaled, *([known] if known else _base_units(quantity))]) or "no unit"
 
 
-def _measure(factor: float, powers: Mapping[str, float]) -> Measure:
-    kept = {name: round(power, 9) for name, power in sorted(powers.items())}
-    return Measure(factor, tuple((n, p) for n, p in kept.items() if p))
+def _base_units(quantity: "Quantity") -> list[str]:
+    names: dict[str, Any] = {f"{_registry().Unit(n):~}": p for n, p in quantity.unit_items()}
+    return [n if p == 1 else f"{n}^{p:g}" for n, p in sorted(names.items()) if abs(p) > _SMALL]
 
 
-def product(measures: Iterable[Measure | None]) -> Measure | None:
-    """Return the measure of a product; None if one of its factors is unknown."""
-    whole = Measure()
-    for each in measures:
+def is_like(one: "Quantity | None", other: "Quantity | None") -> bool:
+    """Whether two quantities are known and of one kind; an angle is a number."""
+    if one is None or other is None:
+        return False
+    powers: Iterable[Any] = (one / other).dimensionality.values()
+    return all(abs(power) < _SMALL for power in powers)
+
+
+def product(quantities: Iterable["Quantity | None"]) -> "Quantity | None":
+    """Return the product; None if one of its factors is unknown."""
+    whole = no_unit()
+    for each in quantities:
         if each is None:
             return None
         whole = whole * each
     return whole
 
 
-def read_unit(text: str) -> Measure | None:
-    """Return the measure of a unit.
+def no_unit() -> "Quantity":
+    """Return a plain 1."""
+    return _registry().Quantity(1.0)
 
-    Parameters
-    ----------
-    text : str
-        The unit, as in ``"kg m^2"``, ``"N/(m/s)^2"`` or ``"rpm"``.
 
-    Returns
-    -------
-    Measure or None
-        Its size and its base units; None for an unknown unit.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If pint is not installed.
+@lru_cache(maxsize=1024)
+def read_unit(text: str) -> "Quantity | None":
+    """Return a unit as a quantity in base units, None for an unknown unit.
 
     Examples
     --------
-    >>> read_unit("kN/mm").to_text(), read_unit("kg/mol").to_text(), read_unit("bananas")
-    ('1e+06 N/m', 'kg mol^-1', None)
+    >>> [unit_text(read_unit(text)) for text in ("kN/mm", "kg/mol", "min-1")], read_unit("bananas")
+    (['1e+06 N/m', 'kg mol^-1', '0.01667 1/s'], None)
     """
     if text.strip() in NONE:
-        return Measure()
+        return no_unit()
     words = plain_unit(text)
     names = set(re.findall(r"[^\W\d]\w*", words))
     prefixed = re.sub(r"[^\W\d]\w*", lambda found: f"unit_{found[0]}", words)
@@ -121,27 +92,12 @@ def read_unit(text: str) -> Measure | None:
         return None
     try:
         return _evaluated(parse_expression(prefixed, list(known), "unit"), known)
-    except ModelError:
+    except (ModelError, OverflowError):
         return None
 
 
 def conversion(given: str, wanted: str) -> tuple[float, float] | None:
-    """Return the conversion from one unit to another.
-
-    Parameters
-    ----------
-    given, wanted : str
-        The units.
-
-    Returns
-    -------
-    tuple of float or None
-        Factor and offset, as in ``wanted = factor*given + offset``; None if there is no conversion.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If the units are written differently and pint is not installed.
+    """Return factor and offset of ``wanted = factor*given + offset``; None if there is neither.
 
     Examples
     --------
@@ -156,39 +112,30 @@ def conversion(given: str, wanted: str) -> tuple[float, float] | None:
     if shifted is not None:
         return shifted
     one, other = read_unit(given), read_unit(wanted)
-    if one is None or other is None or not one.is_like(other):
+    if one is None or other is None or not is_like(one, other) or _may_count_turns(given, wanted):
         return None
-    return float(f"{one.factor / other.factor:.15g}"), 0.0
+    return float(f"{one.magnitude / other.magnitude:.15g}"), 0.0
 
 
-@lru_cache(maxsize=1)
-def _common() -> dict[tuple, str]:
-    """Return the common units by the powers of their base units."""
-    return {found.powers: text for text in _COMMON if (found := read_unit(text)) is not None}
+def _may_count_turns(*units: str) -> bool:
+    """Whether one of two rates is of an angle, and the other counts turns or radians, as Hz may."""
+    plain = [unit for unit in map(plain_unit, units) if not _ANGLE.search(unit)]
+    rate = is_like(read_unit(units[0]), read_unit("1/s"))
+    return rate and len(plain) == 1 and plain[0] not in ("1/s", "s**-1")
 
 
 def plain_unit(text: str) -> str:
     """Return a unit with plain signs, ``*`` between its parts and ``**`` before its powers.
 
-    Parameters
-    ----------
-    text : str
-        The unit as it was written.
-
-    Returns
-    -------
-    str
-        The unit in one form, the same for all usual spellings.
-
     Examples
     --------
-    >>> plain_unit("kg m²/(s A)"), plain_unit("mNm"), plain_unit("m/s2")
-    ('kg*m**2/(s*A)', 'mN*m', 'm/s**2')
+    >>> plain_unit("kg m²/(s A)"), plain_unit("mNm"), plain_unit("m/s2"), plain_unit("m s-1")
+    ('kg*m**2/(s*A)', 'mN*m', 'm/s**2', 'm*s**-1')
     """
     for sign, word in _SPELLED.items():
         text = text.replace(sign, word)
     text = _NEWTON_METRE.sub(r"\1N m", text.strip()).replace("^", "**")
-    text = _SQUARE.sub(r"\1**\2", text)
+    text = _POWER.sub(r"\1**\2", text)
     text = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
     return re.sub(r"\s+", "", text)
 
@@ -206,15 +153,14 @@ def _temperature(given: str, wanted: str) -> tuple[float, float] | None:
 
 
 @lru_cache(maxsize=1)
-def _registry():
-    with needed_by("Reading a unit"):
-        import pint
+def _registry() -> "UnitRegistry":
+    import pint  # takes half a second
+
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
-@lru_cache(maxsize=1024)
-def _named(name: str) -> Measure | None:
-    """Return the measure of a named unit: none for an angle, a difference for a temperature."""
+def _named(name: str) -> "Quantity | None":
+    """Return a named unit in base units: none for an angle, a difference for a temperature."""
     registry = _registry()
     if name in ("degC", "degF"):
         name = f"delta_{name}"
@@ -222,14 +168,13 @@ def _named(name: str) -> Measure | None:
         found = registry.Quantity(1.0, name).to_base_units()
     except Exception:  # see `_temperature`
         return None
-    powers = {f"{registry.Unit(n):~}": float(p) for n, p in found.unit_items() if n != "radian"}
-    return _measure(float(found.magnitude), powers)
+    return found / registry.radian ** dict(found.unit_items()).get("radian", 0)
 
 
-def _evaluated(expression, known: Mapping[str, Measure]) -> Measure | None:
-    """Return what an expression of units measures; None where it is no product of powers."""
+def _evaluated(expression: sympy.Expr, known: Mapping[str, "Quantity"]) -> "Quantity | None":
+    """Return an expression of units; None where it is no product of powers."""
     if expression.is_number:
-        return Measure(float(expression)) if expression.is_positive else None
+        return float(expression) * no_unit() if expression.is_positive else None
     if isinstance(expression, sympy.Symbol):
         return known[str(expression)]
     if isinstance(expression, sympy.Pow) and expression.exp.is_number:

@@ -14,6 +14,7 @@ from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import SIMULATED, column_of, time_name
+from sklearn_pgnn.trajectories.outputs import refuse_other_order
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 from sklearn_pgnn.user_line import warn_user
@@ -128,6 +129,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             column of the name of one that is appended.
         """
         check_model(self.model, optional=True)
+        refuse_other_order(X, y)
         X = validate_table(self, X, reset=True)
         if self.model is None:
             return self

@@ -26,6 +26,11 @@ from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, med
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.repeated_records import (
+    REMEDY,
+    remarks_on_repeats,
+    repeated_records,
+)
 
 
 def check_data_quality(
@@ -35,7 +40,7 @@ def check_data_quality(
     base: WindowFit,
     final: WindowFit,
     best: WindowFit | None = None,
-    each_step: Callable[[], None] = lambda: None,
+    each_step: Callable[[], bool | None] = lambda: None,
 ) -> Iterator[Finding]:
     """Yield the faults of the records that limit a diagnosis.
 
@@ -69,7 +74,7 @@ def check_data_quality(
     inputs = _signals(model, model.inputs, windows, windows.u, names)
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
     checks: list[Callable[[], Sequence[Finding | None]]] = [
-        lambda: [find_few_windows(windows)],
+        lambda: [find_few_windows(windows), *find_repeats(whole)],
         lambda: [*map(find_dull_input, inputs), find_first_steps(inputs)],
         lambda: find_blind_parameters(problem, base),
         lambda: _of_clocks(whole, outputs, windows.t.size),
@@ -82,6 +87,12 @@ def check_data_quality(
     for check in checks:
         each_step()
         yield from (finding for finding in check() if finding is not None)
+
+
+def find_repeats(whole: Sequence[Record]) -> list[Finding]:
+    """Return a finding for every record that has the values of another one."""
+    pairs = zip(repeated_records(whole), remarks_on_repeats(whole), strict=True)
+    return [Finding("repeated record", b, said, 1.0, REMEDY) for (_, b), said in pairs]
 
 
 def _of_clocks(whole, outputs, used: int) -> list[Finding | None]:

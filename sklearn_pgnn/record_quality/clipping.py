@@ -27,9 +27,10 @@ def find_clipping(signal: Signal) -> Finding | None:
     """
     runs = []
     for limit in (np.nanmin(signal.values), np.nanmax(signal.values)):
-        for piece in signal.pieces:
+        for alone in signal.one_by_one:
+            piece = alone.pieces[0]
             for first, last in _runs(piece == limit):
-                if last - first >= 3 and _is_cut(signal, piece, first, last):
+                if last - first >= 3 and _is_cut(alone, piece, first, last):
                     runs.append((last - first, limit))
     if not runs:
         return None
@@ -54,9 +55,9 @@ def _runs(mask: np.ndarray):
 
 def _is_cut(signal, piece, first, last) -> bool:
     """Return whether a run of equal samples is longer than chance or rest make it."""
+    if first < 1 or last == piece.size:  # a machine may rest before and after an experiment
+        return False
     if signal.tells_equals:
-        if first < 1 or last == piece.size:
-            return False
         away = piece[(piece != piece[first]) & np.isfinite(piece)]
         equal = float(np.mean(np.diff(away) == 0)) if away.size > 1 else 0.0
         chance = max(signal.chance_of_equals(), equal, 1 / piece.size)
@@ -68,12 +69,10 @@ def _is_cut(signal, piece, first, last) -> bool:
 def _has_kinks(piece, first, last, least) -> bool:
     """Return whether a run begins and ends more sharply than the signal bends anywhere else.
 
-    A machine at rest came there smoothly; one that is at rest from the first sample tells nothing.
+    A machine at rest came there smoothly.
     """
     bend = np.abs(np.diff(piece, 2))  # bend[k] is the kink at sample k + 1
-    edges = np.array([k - 1 for k in (first, last - 1) if k < piece.size - 1])
-    if first < 1:
-        return False
+    edges = np.array([first - 1, last - 2])
     near = np.clip(np.add.outer(edges, [-1, 0, 1]).ravel(), 0, bend.size - 1)
     elsewhere = np.nanmax(np.delete(bend, near), initial=0.0)
     return bool(np.all(bend[edges] > max(elsewhere, least)))

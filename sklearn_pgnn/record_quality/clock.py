@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from sklearn_pgnn.record_quality.finding import Finding
-from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.limits import FINE, MOST, SHARE
 from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.trajectories.grid import grid_step
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 
 

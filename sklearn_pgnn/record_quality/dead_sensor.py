@@ -6,6 +6,7 @@ from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.limits import TWICE
 from sklearn_pgnn.record_quality.signals import Signal
 from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.trajectories.constant_outputs import SEVERAL
 
 
 def find_dead_sensor(signal: Signal, residual: Signal) -> Finding | None:
@@ -41,7 +42,7 @@ def find_dead_sensor(signal: Signal, residual: Signal) -> Finding | None:
     dead = {
         record: signal.measured(float(np.nanmax(piece)))
         for is_still, record, piece, rest in rows
-        if is_still and np.isfinite(piece).any() and np.sqrt(np.nanmean(rest**2)) > least
+        if is_still and np.isfinite(piece).sum() >= SEVERAL and np.sqrt(np.nanmean(rest**2)) > least
     }
     if not dead:
         return None

@@ -1,6 +1,7 @@
 """Drift: parameters, or the noise, that differ from record to record."""
 
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from scipy.stats import norm
@@ -142,10 +143,15 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
     Finding or None
         What was found.
     """
-    timed = list(zip(signal.pieces, signal.times, strict=True))
+    measured = [bool(np.isfinite(piece).any()) for piece in signal.pieces]
+    timed = list(compress(zip(signal.pieces, signal.times, strict=True), measured))
+    records = list(compress(signal.records, measured))
     if len(timed) < 2 or not all(looks_like_noise([y], [t]) for y, t in timed):
         return None
-    levels = np.array([noise_level(*piece) for piece in timed])
+    if signal.resolution > signal.noise:  # then the steps are seen, and not the noise
+        return None
+    rounding = signal.resolution / np.sqrt(12)
+    levels = np.array([max(noise_level(*piece), rounding) for piece in timed])
     errors = np.array([_noise_error(*piece) for piece in timed])
     low, high = int(np.argmin(levels)), int(np.argmax(levels))
     error = np.hypot(errors[low], errors[high])
@@ -157,8 +163,7 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
         "drift between records",
         signal.name,
         f"the noise of {signal.name} is {signal.measured(levels[high])} in record "
-        f"{signal.records[high]} and {signal.measured(levels[low])} in record "
-        f"{signal.records[low]}",
+        f"{records[high]} and {signal.measured(levels[low])} in record {records[low]}",
         float(levels[high] / levels[low]),
         "find out what changed between the records, or diagnose them separately",
     )

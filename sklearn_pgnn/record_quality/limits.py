@@ -20,8 +20,6 @@ NOISE_LIKE = -0.5
 COARSE = 0.2
 #: no simulation, and no clock, is finer than this share of a signal's spread, or of a sample
 FINE = 1e-5
-#: how far differences may be off the multiples of a step that they are written in, in steps
-OFF_GRID = 0.02
 
 # -- budgets: more costs time, less costs power ----------------------------------------------------
 

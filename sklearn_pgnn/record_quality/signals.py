@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
-from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.limits import BLOCK, COARSE, FINE, MOST, NOISE_LIKE, TWICE
+from sklearn_pgnn.trajectories.grid import step_of
 from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level
 
@@ -40,6 +41,12 @@ class Signal:
         return np.concatenate(self.pieces)
 
     @cached_property
+    def one_by_one(self) -> list["Signal"]:
+        """The same of every record alone: one may be noisy, and another count in steps."""
+        each = zip(self.pieces, self.times, self.records, strict=True)
+        return [Signal(self.name, self.unit, [y], [t], [record]) for y, t, record in each]
+
+    @cached_property
     def noise(self) -> float:
         """Standard deviation of its white noise, in the records in which it changes if any."""
         pairs = list(zip(self.is_still, self._timed, strict=True))
@@ -66,9 +73,10 @@ class Signal:
 
         A thermistor's steps are uneven, and an encoder's are lost in the decimals that it was
         written with, or beside those of another record's encoder. Noise that brings nearly every
-        value back after it was left shows that there are no others in between.
+        value back after it was left shows that there are no others in between, and so do values
+        that repeat while all others are about multiples of a step away.
         """
-        return max(grid_step(self.values), self._step_between_visits() if self.noisy else 0.0)
+        return max(step_of(self.pieces), self._step_between_visits() if self.noisy else 0.0)
 
     def _step_between_visits(self) -> float:
         """Return the usual step to the next value if a value is usually visited again; else 0."""
@@ -117,8 +125,12 @@ def looks_like_noise(pieces, times) -> bool:
     """Return whether the finest differences alternate nearly everywhere, as those of noise do.
 
     Samples at the ends of the range are left out: a sensor may be cut there. What is finer than any
-    simulation is the computer's rounding.
+    simulation is the computer's rounding. A piece without any measured sample says nothing.
     """
+    measured = [np.isfinite(piece).any() for piece in pieces]
+    if not any(measured):
+        return False
+    pieces, times = (list(compress(each, measured)) for each in (pieces, times))
     ends = np.nanmin(np.concatenate(pieces)), np.nanmax(np.concatenate(pieces))
     inner = [np.where(np.isin(piece, ends), np.nan, piece) for piece in pieces]
     levels = [noise_level(*piece) for piece in zip(inner, times, strict=True)]

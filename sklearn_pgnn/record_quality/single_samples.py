@@ -4,9 +4,9 @@ import numpy as np
 from scipy.stats import binom, norm
 
 from sklearn_pgnn.record_quality.finding import Finding
-from sklearn_pgnn.record_quality.grid import steps_at
 from sklearn_pgnn.record_quality.limits import ALPHA
 from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.trajectories.grid import steps_at
 
 
 def find_held_samples(signal: Signal) -> Finding | None:

@@ -16,7 +16,9 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 def find_state_feedback(
-    problem: EstimationProblem, final: WindowFit, each_step: Callable[[], None] = lambda: None
+    problem: EstimationProblem,
+    final: WindowFit,
+    each_step: Callable[[], bool | None] = lambda: None,
 ) -> list[Finding]:
     r"""Find inputs that are functions of the states at the same time.
 

@@ -200,7 +200,7 @@ def likeliest(
     size: float,
     time: float,
     start: Disturbance | None = None,
-    each_run: Callable[[], None] = lambda: None,
+    each_run: Callable[[], bool | None] = lambda: None,
 ) -> tuple[Disturbance, float]:
     """Find the hidden input that makes residuals likeliest.
 

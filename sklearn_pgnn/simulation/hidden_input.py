@@ -120,7 +120,7 @@ def find_hidden_input(
     spread: np.ndarray,
     size: float,
     time: float,
-    each_run: Callable[[], None] | None = None,
+    each_run: Callable[[], object] | None = None,
 ) -> HiddenInput:
     """Smooth the hidden input of a channel.
 

@@ -29,6 +29,7 @@ from sklearn_pgnn.simulation.substeps import (
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.constant_outputs import constant_outputs
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
+from sklearn_pgnn.trajectories.grid import step_of
 from sklearn_pgnn.trajectories.measured import of_measured, spans_of, where_measured
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
@@ -143,17 +144,20 @@ def noise_levels(records) -> np.ndarray:
 
 
 def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
-    """Estimate the noise of every output, never below a millionth of its standard deviation.
+    r"""Estimate the noise of every output, never below that of its rounding, :math:`q/\sqrt{12}`.
 
-    Records in which an output never changes tell nothing of its noise. If none else is there, it
-    counts as 1 in the output's unit; see `warn_of_constant_outputs`.
+    Nor is it below a millionth of its standard deviation. Records in which an output never changes
+    tell nothing of its noise. If none else is there, it counts as 1 in the output's unit; see
+    `warn_of_constant_outputs`.
     """
     y = np.concatenate([record.y for record in records])
     spread = of_measured(np.nanstd, y)
     differ = spans_of(y) > 0  # a spread may be rounding
     levels = noise_levels(records) if levels is None else levels
     usual = of_measured(np.nanmedian, np.where(constant_outputs(records), np.nan, levels))
-    return np.fmax(usual, np.where(differ, 1e-6 * spread, 1.0))
+    steps = [step_of([record.y[:, i] for record in records]) for i in range(y.shape[1])]
+    rounding = np.where(differ, steps, 0.0) / np.sqrt(12)
+    return np.fmax(np.fmax(usual, rounding), np.where(differ, 1e-6 * spread, 1.0))
 
 
 def dominant_period(records, levels: np.ndarray | None = None) -> float:

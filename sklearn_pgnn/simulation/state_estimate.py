@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import sympy
 
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.simulation.led_states import start_values
@@ -66,10 +67,26 @@ class StateEstimator:
         self.known = {state: taken.values for state, taken in self._taken.items()}
         #: by states, estimates that depend on no parameter
         self._estimates: dict[tuple[str, ...], StateEstimate] = {}
+        self._outputs, self._pairs = dict(model.outputs), dict(model.slope_pairs)
+        #: estimators of models whose outputs are exchanged, or whose clock runs otherwise
+        self._rewired: dict[tuple, StateEstimator] = {}
 
     def __getstate__(self):
         """Keep no estimates: they can be made again."""
-        return {**self.__dict__, "_estimates": {}}
+        return {**self.__dict__, "_estimates": {}, "_rewired": {}}
+
+    def _of(self, model: PhysicsModel) -> "StateEstimator":
+        """Return the estimator of an extension: its own where other outputs show its states."""
+        shown = tuple(model.outputs.values())
+        exchanged = shown != (before := tuple(self._outputs.values())) and set(shown) == set(before)
+        paces = [model.equations[x] / symbol(v) for v, x in self._pairs.items()]
+        if not exchanged and not any(pace.is_number and pace != 1 for pace in paces):
+            return self
+        key = shown, tuple(model.slope_pairs.items()), id(self.windows)
+        if key not in self._rewired:
+            starts = [np.array([s.get(n, np.nan) for n in model.states]) for s in self.starts]
+            self._rewired[key] = StateEstimator(model, self.windows, starts)
+        return self._rewired[key]
 
     @property
     def is_shown(self) -> np.ndarray:
@@ -79,7 +96,8 @@ class StateEstimator:
 
     def hidden(self, model: PhysicsModel) -> tuple[str, ...]:
         """Name the states of a model that no output shows, alone or as a slope."""
-        return tuple(state for state in model.states if state not in self.known)
+        known = self._of(model).known
+        return tuple(state for state in model.states if state not in known)
 
     def estimate(self, model: PhysicsModel) -> StateEstimate:
         """Estimate the states of an extension of the model.
@@ -94,6 +112,8 @@ class StateEstimator:
         StateEstimate
             Its states at every sample.
         """
+        if (own := self._of(model)) is not self:
+            return own.estimate(model)
         states = tuple(model.states)
         if self._is_simulated(model) or self._is_scaled(model):
             return self._estimate(model)
@@ -157,6 +177,8 @@ class StateEstimator:
         ndarray of shape (n_samples, n_states)
             Its states at every sample.
         """
+        if (own := self._of(model)) is not self:
+            return own.values(model)
         names = list(model.states)
         x = np.empty((self.windows.t.size, len(names)))
         known = self._known(model)

@@ -25,6 +25,8 @@ from sklearn_pgnn.simulation.normal_equations import follow, project
 from sklearn_pgnn.simulation.stepping import OPTIONS
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
+#: steps of a fit that is told to end
+HURRIED = 2
 #: first Levenberg-Marquardt damping, and its smallest and largest
 FIRST_DAMPING, DAMPINGS = 1e-3, (1e-9, 1e9)
 #: number of successive steps that may fail
@@ -135,7 +137,7 @@ def fit_windows(
     tolerance: float = 1e-5,
     prune_above: float = np.inf,
     precision: np.ndarray | None = None,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> WindowFit:
     """Fit a model's parameters and every window's initial state.
 
@@ -169,7 +171,8 @@ def fit_windows(
     precision : ndarray of shape (n_parameters, n_parameters), optional
         Inverse covariance of the parameters about their centres, in the place of their spreads.
     each_step : callable, optional
-        Called before every step; what it raises ends the fit.
+        Called before every step; what it raises ends the fit. Where it returns true, the fit ends
+        after two steps, most of the way from values that are near.
 
     Returns
     -------
@@ -187,7 +190,8 @@ def fit_windows(
     )
     steps = rejected = 0
     while steps < max_steps and rejected < MAX_REJECTED and np.isfinite(fit.objective):
-        each_step()
+        if each_step() and steps >= HURRIED:
+            break
         small = tolerance * fit.objective
         step = task.step(fit, damping)
         if steps >= min_steps and rejected == 0 and task.is_done(fit, step, small, prune_above):

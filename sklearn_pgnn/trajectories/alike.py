@@ -3,7 +3,6 @@
 import re
 from difflib import SequenceMatcher
 
-from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.units import conversion, plain_unit
 
 #: fraction of their letters that similar names share, in order
@@ -51,7 +50,7 @@ def units_alike(own: str, theirs: str) -> bool:
     if not (own and theirs):
         return False
     same = plain_unit(own) == plain_unit(theirs)
-    return same or (is_installed("units") and conversion(theirs, own) is not None)
+    return same or conversion(theirs, own) is not None
 
 
 def _words(name: str) -> set[str]:

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
+from sklearn_pgnn.trajectories.clock import backward, rows_at_one_time
 from sklearn_pgnn.trajectories.reader import TIME
 from sklearn_pgnn.user_line import warn_user
 
@@ -106,8 +107,10 @@ def join_channels(
     >>> join_channels("run.mf4", {"u": u}, {}, {"y": y}).to_numpy().tolist()
     [[0.4, 5.0, 0.1], [1.0, 6.0, 0.2], [1.6, 6.0, 0.3]]
     """
-    for title, channel in {**inputs, **states, **outputs}.items():
-        _check(path, title, channel)
+    inputs, states, outputs = (
+        {title: _settled(path, title, channel) for title, channel in part.items()}
+        for part in (inputs, states, outputs)
+    )
     begin, end = _covered(path, inputs, outputs or states)
     near = SAME * min(_usual_step(channel) for channel in (*inputs.values(), *outputs.values()))
     if sample_time is None:
@@ -132,16 +135,27 @@ def join_channels(
     return pd.DataFrame(columns)
 
 
-def _check(path: str, title: str, channel: Channel) -> None:
+def _settled(path: str, title: str, channel: Channel) -> Channel:
+    """Return a channel with the later of two samples at one time, or refuse its clock."""
     if not channel.t.size:
         raise RecordError(f"{path}: channel {title!r}: expected samples, got none.")
-    still = np.flatnonzero(~(np.diff(channel.t) > 0))
-    if still.size:
-        before, now = channel.t[still[0] : still[0] + 2]
+    same = np.diff(channel.values) == 0
+    dropped = np.concatenate(rows_at_one_time(channel.t, same))
+    kept = Channel(np.delete(channel.t, dropped), np.delete(channel.values, dropped))
+    found = backward(kept.t)
+    if found is not None:
+        before, now = kept.t[found.row - 1 : found.row + 1]
         raise RecordError(
             f"{path}: channel {title!r}: expected time to increase, got {now:.9g} s after "
-            f"{before:.9g} s. Remedy: record every channel once, or remove repeated samples."
+            f"{before:.9g} s: {found.why}"
         )
+    if dropped.size:
+        warn_user(
+            f"{path}: channel {title!r}: {dropped.size} samples have the time of the next one and "
+            f"are left out: the later sample holds from there on.",
+            RecordWarning,
+        )
+    return kept
 
 
 def _covered(path, inputs, outputs) -> tuple[float, float]:

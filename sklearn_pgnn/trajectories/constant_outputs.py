@@ -7,6 +7,9 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.user_line import warn_user
 
+#: fewer equal values of an output tell nothing of its sensor: a single one is always the same
+SEVERAL = 8
+
 
 def constant_outputs(records) -> np.ndarray:
     """Return which outputs have no two different values in a record; they tell nothing of noise.
@@ -52,8 +55,8 @@ def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
     --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.tile(np.arange(4.0), 2), np.arange(8.0)])
-    >>> records = read_records(lag, X, [0.0, 0.4, 0.6, 0.8, 0.1, 0.1, 0.1, 0.1])
+    >>> X = np.column_stack([np.tile(np.arange(9.0), 2), np.arange(18.0)])
+    >>> records = read_records(lag, X, [*np.linspace(0.0, 0.8, 9), *[0.1] * 9])
     >>> remarks_on_dead_outputs(lag, records)[0].split(":")[0]
     "output 'y' has one value only throughout trajectory '1' (0.1 V)"
     """
@@ -61,7 +64,7 @@ def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
     if not still.any():
         return []
     driven = np.array([not model.inputs or bool(np.ptp(r.u, axis=0).any()) for r in records])
-    measured = np.array([np.isfinite(r.y).any(axis=0) for r in records])
+    measured = np.array([np.isfinite(r.y).sum(axis=0) >= SEVERAL for r in records])
     said = []
     for i, name in enumerate(model.outputs):
         dead = np.flatnonzero(still[:, i] & measured[:, i] & driven)

@@ -1,21 +1,39 @@
 """CSV files as X and y: columns named by a model, errors with their line."""
 
 import csv
-import math
 import os
 import re
 from collections.abc import Iterable
-from pathlib import Path
-from typing import NoReturn
 
 import pandas as pd
 
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.file_table import FileTable, read_each
+from sklearn_pgnn.trajectories.cell_table import HEAD, CellTable, quantities_in, wanted_names
+from sklearn_pgnn.trajectories.file_table import FileTable
+from sklearn_pgnn.trajectories.file_text import read_text, refuse_file
+from sklearn_pgnn.trajectories.several_files import read_each
+from sklearn_pgnn.user_line import warn_user
 
-_NOTHING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-"})
-_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+#: separators, the first of several that suit; two blanks leave names with one
+TWO_BLANKS = "  "
+SEPARATORS = ("\t", ";", "|", ",", TWO_BLANKS, " ")
+#: longest line, and how much of it is looked at for the separator
+LONGEST, FOR_SEPARATOR = 2**20, 20_000
+_BLANKS = (TWO_BLANKS, " ")
+#: a field between blanks: in quotes; a date with its time; a word, maybe with a unit in brackets
+_WORD = re.compile(
+    r"""("[^"]*"|\d+[-./]\d+[-./]\d+[ \t]+\d+:[^ \t]+"""
+    r"""|[^ \t\[(]+(?:[ \t]*(?:\[[^\]]*\]|\([^)]*\)))?|[^ \t]+)"""
+)
+#: a field between two or more blanks
+_WORDS = re.compile(r"""("[^"]*"|[^ \t]+(?: [^ \t]+)*)""")
+_NUMBERS = re.compile(r"[\s\d.,;|+\-eE\t]+")
+_WIDTHS = {
+    True: "Remedy: write nan where a value is missing, or separate by commas.",
+    False: "Remedy: put texts with separators into quotes; with decimal commas, separate by "
+    "semicolons.",
+}
 #: a first line in which Excel declares the separator
 _TOLD = re.compile(r"sep=(.)\s*")
 
@@ -25,12 +43,16 @@ def read_csv(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     r"""Read a CSV file as the X and y of a model.
 
-    The separator (comma, semicolon, tab) is detected from the header; with a semicolon or a tab,
-    numbers may have a decimal comma. Lines that begin with ``#`` are comments, and a header may
-    carry its unit, as in ``torque [N m]``: a unit other than the model's is converted, or refused
-    if it measures a different quantity. The time is in seconds, or in ISO dates such as
-    ``2026-01-31 12:00:00.005``, which count from each trajectory's first sample. A file is one
-    record, or several if it has a column ``trajectory``.
+    The separator (comma, semicolon, tab, bar, blanks) is that with which the header names most of
+    the model's columns; lines above the header, and those that begin with ``#`` or ``%``, are left
+    out. Numbers have a decimal point or comma, and may have separators of thousands. A header may
+    carry its unit, as in ``torque [N m]``, ``torque / N m`` or ``torque in N m``, or a row below it
+    has the units: a unit other than the model's is converted, or refused if it measures a different
+    quantity. The time is in seconds, or in dates such as ``2026-01-31 12:00:00.005`` and
+    ``31.01.2026 12:00``, or times of day such as ``12:00:00.005``, which count from each
+    trajectory's first sample. A row that repeats the one before is left out, as is the first of two
+    rows at one time, as simulation tools write steps. A file is one record, or several if it has a
+    column ``trajectory``. It may be packed (``.gz``, ``.bz2``, ``.xz``, ``.zip`` of one file).
 
     Parameters
     ----------
@@ -39,7 +61,7 @@ def read_csv(
     model : PhysicsModel
         Defines the columns; its `columns` give their names in the file.
     sample_time : float, optional
-        Sample interval [s] of a file without a time.
+        Sample interval [s] of a file without a time; it overrides the time of one that has it.
 
     Returns
     -------
@@ -57,6 +79,7 @@ def read_csv(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "run.csv")
@@ -69,22 +92,7 @@ def read_csv(
 
 
 def open_csv(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
-    """Open a CSV file to inspect its content.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-    model : PhysicsModel
-        Defines the columns.
-    sample_time : float, optional
-        Sample interval [s] of a file without a time.
-
-    Returns
-    -------
-    FileTable
-        The file, with its `header` and its columns.
-    """
+    """Open a CSV file to inspect its header and columns."""
     return _CsvTable(os.fspath(path), model, sample_time)
 
 
@@ -100,7 +108,7 @@ def read_csv_files(
     model : PhysicsModel
         Defines the columns; its `columns` give their names in the files.
     sample_time : float, optional
-        Sample interval [s] of files without a time.
+        Sample interval [s] of files without a time; it overrides the time of those that have it.
 
     Returns
     -------
@@ -117,6 +125,7 @@ def read_csv_files(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "run.csv")
@@ -125,133 +134,123 @@ def read_csv_files(
     >>> X["trajectory"].unique().tolist()
     ['run', 'run-2']
     """
-    return read_each(read_csv, paths, model, sample_time)
+    return read_each(open_csv, paths, model, sample_time)
 
 
-class _CsvTable(FileTable):
+class _CsvTable(CellTable):
     """A file as columns of text, with the line of every row."""
 
     kind = "CSV"
 
     def __init__(self, path: str, model: PhysicsModel, sample_time: float | None = None):
         super().__init__(path, model, sample_time)
-        self.lines, texts = self.split(self.decode(self.raw()))
+        lines, texts = self.split(read_text(path))
         told = _TOLD.fullmatch(texts[0]) if len(texts) > 1 else None
         if told:
-            self.lines, texts = self.lines[1:], texts[1:]
-        separator = told[1] if told else _separator(texts[0])
-        self.decimal_comma = separator != ","
-        self.header, *self.rows = self.parse(texts, separator)
-        self.header_line, *self.lines = self.lines
-        self.check_header()
-        self.check_widths()
+            lines, texts = lines[1:], texts[1:]
+        separator = (
+            told[1]
+            if told
+            else choose_separator(
+                [text[:FOR_SEPARATOR] for text in texts[:HEAD]], wanted_names(model)
+            )
+        )
+        self.decimal_comma = separator == ";"
+        self.take(self.parse(texts, lines, separator), lines)
+        self.check_widths(separator)
 
-    def refuse_line(self, line: int, why: str) -> NoReturn:
-        """Raise `RecordError` for a line, whether it is a sample or not."""
-        raise RecordError(f"{self.path}:{line}: {' '.join(why.split())}") from None
-
-    # -- lines -------------------------------------------------------------------------------------
-
-    def raw(self) -> bytes:
-        try:
-            raw = Path(self.path).read_bytes()
-        except OSError as error:
-            self.refuse_line(1, f"expected a CSV file, got: {error.strerror}.")
-        if not raw.strip():
-            self.refuse_line(1, "expected a CSV file, got an empty file.")
-        return raw
-
-    def decode(self, raw: bytes) -> str:
-        binary = _CONTROL.search(raw)
-        if binary:
-            line = raw.count(b"\n", 0, binary.start()) + 1
-            self.refuse_line(line, "expected a CSV file (text in UTF-8), got a binary file.")
-        try:
-            return raw.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            return raw.decode("latin-1")
+    def remedy(self, name: str) -> str:
+        """Return the remedy for a missing column, with the separators if there is one column."""
+        between = " Columns are separated by commas, semicolons, tabs, bars or blanks."
+        return super().remedy(name) + between * (len(self.header) == 1)
 
     def split(self, text: str) -> tuple[list[int], list[str]]:
-        """Return the line numbers and texts of all lines but comments and empty ones."""
+        """Return the line numbers and texts of all lines but comments and empty ones.
+
+        A comment above numbers, as NumPy writes the names of columns, is the header.
+        """
         lines = re.split(r"\r\n|\n|\r", text)
-        kept = [k for k, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"]
+        self.whole = not lines[-1]
+        told = [k for k, line in enumerate(lines) if line.strip()]
+        for k in told:
+            if len(lines[k]) > LONGEST:
+                why = f"expected lines of at most {LONGEST} characters, got {len(lines[k])}."
+                refuse_file(self.path, f"{why} Remedy: save one sample a line.", k + 1)
+        kept = [k for k in told if lines[k].lstrip()[0] not in "#%"]
         if not kept:
-            self.refuse_line(1, "expected a header and samples, got comments only.")
+            refuse_file(self.path, "expected a header and samples, got comments only.")
+        above = told[told.index(kept[0]) - 1] if told[0] != kept[0] else None
+        if above is not None and _NUMBERS.fullmatch(lines[kept[0]]):
+            lines[above] = lines[above].lstrip(" \t#%")
+            kept.insert(0, above)
         return [k + 1 for k in kept], [lines[k] for k in kept]
 
-    def parse(self, texts: list[str], separator: str) -> list[list[str]]:
+    def parse(self, texts: list[str], lines: list[int], separator: str) -> list[list[str]]:
+        """Return the fields of every line."""
         rows: list[list[str]] = []
         try:
             for text in texts:
-                rows.append(_fields(text, separator))
+                rows.append(fields(text, separator))
         except csv.Error as error:
-            self.refuse_line(self.lines[len(rows)], f"expected CSV, got: {error}.")
+            refuse_file(self.path, f"expected CSV, got: {error}.", lines[len(rows)])
         return rows
 
-    def check_header(self) -> None:
-        self.header = [name.strip() for name in self.header]
-        if all(self.number(name) is not None for name in self.header):
-            shown = ", ".join(self.header)[:80]
-            self.refuse_line(
-                self.header_line, f"expected a header with the names of the columns, got {shown!r}."
-            )
+    def check_widths(self, separator: str) -> None:
+        """Refuse a row that is longer than the header, and leave out a last line that was cut off.
 
-    def check_widths(self) -> None:
-        """Refuse a row that is longer than the header; empty fields at its end are ignored."""
+        Empty fields at the end are ignored; where blanks separate, none can be left out.
+        """
         width = len(self.header)
+        if len(self.rows) > 1 and not self.whole and len(self.rows[-1]) < len(self.rows[-2]):
+            warn_user(
+                f"{self.path}:{self.lines[-1]}: the file ends within this line, which is left out.",
+                RecordWarning,
+            )
+            del self.rows[-1], self.lines[-1]
         for line, row in zip(self.lines, self.rows, strict=True):
-            if len(row) > width and any(text.strip() for text in row[width:]):
-                self.refuse_line(line, f"expected {width} fields as in the header, got {len(row)}.")
-
-    # -- cells -------------------------------------------------------------------------------------
-
-    @property
-    def size(self) -> int:
-        """Number of samples."""
-        return len(self.rows)
-
-    def place(self, row: int | None) -> str:
-        """Return the line of a row, or of the header."""
-        return f":{self.header_line if row is None else self.lines[row]}"
-
-    def name_of(self, row: int) -> str:
-        """Return the line of a row."""
-        return f"line {self.lines[row]}"
-
-    def cells(self, k: int) -> list[str]:
-        """Return the text of a column."""
-        return [row[k].strip() if k < len(row) else "" for row in self.rows]
-
-    def number(self, cell: str) -> float | None:
-        """Read a number: NaN for an empty cell, None for anything else."""
-        try:
-            return float(cell) if "_" not in cell else None
-        except ValueError:
-            pass
-        if cell.lower() in _NOTHING:
-            return math.nan
-        if self.decimal_comma and cell.count(",") == 1 and "." not in cell:
-            return self.number(cell.replace(",", "."))
-        return None
-
-    def dates(self, k: int) -> pd.Series | None:
-        """Read a column that begins with a date."""
-        cells = self.cells(k)
-        if not cells or self.number(cells[0]) is not None:
-            return None
-        texts = pd.Series([cell.replace(",", ".") for cell in cells])
-        dates = pd.to_datetime(texts, format="ISO8601", utc=True, errors="coerce")
-        return None if pd.isna(dates[0]) else dates
+            short = separator in _BLANKS and len(row) < width
+            if short or (len(row) > width and any(text.strip() for text in row[width:])):
+                refuse_file(
+                    self.path,
+                    f"expected {width} fields as in the header, got {len(row)}. {_WIDTHS[short]}",
+                    line,
+                )
 
 
-def _separator(header: str) -> str:
-    """Find the separator in a header, outside quotes."""
-    bare = re.sub(r'"[^"]*"', "", header)
-    return next((sign for sign in ("\t", ";") if sign in bare), ",")
+def choose_separator(texts: list[str], names: list[str]) -> str:
+    """Return the separator with which a line names most quantities; else that of most lines.
+
+    Examples
+    --------
+    >>> choose_separator(["rig 3, hall 2", "t;force, raw;speed", "0,0;1,5;2"], ["t", "speed"])
+    ';'
+    """
+
+    def suits(separator: str) -> tuple[int, float]:
+        rows = [_fields_or_none(text, separator) for text in texts]
+        widths = [len(row) for row in rows]
+        usual = max(set(widths), key=widths.count)
+        named = max(quantities_in(row, names) for row in rows)
+        return named, round(widths.count(usual) / len(rows), 2) if usual > 1 else 0.0
+
+    best = {separator: suits(separator) for separator in SEPARATORS}
+    if not any(regular for _, regular in best.values()):
+        return ","
+    return max(best, key=best.__getitem__)
 
 
-def _fields(text: str, separator: str) -> list[str]:
+def _fields_or_none(text: str, separator: str) -> list[str]:
+    try:
+        return fields(text, separator)
+    except csv.Error:
+        return []
+
+
+def fields(text: str, separator: str) -> list[str]:
     """Split a line into fields; the csv module is used only if there are quotes."""
-    if '"' not in text:
-        return text.split(separator)
-    return next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+    if separator in _BLANKS:
+        words = _WORDS if separator == TWO_BLANKS else _WORD
+        return [word.strip('"') for word in words.findall(text)]
+    if '"' in text:
+        return next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+    return text.split(separator)

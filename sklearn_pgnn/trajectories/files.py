@@ -4,7 +4,6 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import cached_property, partial
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,14 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.channels import ChannelLog, join_channels
 from sklearn_pgnn.trajectories.csv_file import open_csv
-from sklearn_pgnn.trajectories.file_table import FileTable, read_each
+from sklearn_pgnn.trajectories.excel_file import open_excel
+from sklearn_pgnn.trajectories.file_table import FileTable
+from sklearn_pgnn.trajectories.file_text import check_regular
 from sklearn_pgnn.trajectories.mdf_file import MdfLog
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.ros_bag import BagLog, is_bag_folder
+from sklearn_pgnn.trajectories.several_files import read_each
+from sklearn_pgnn.trajectories.shown import LISTED, cut
 
 #: possible offsets of the signature in MAT files of version 7.3, and the signature
 _HDF5, _STARTS = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048)
@@ -36,8 +39,8 @@ def read_file(
     r"""Read a file of measured samples as the X and y of a model, by its file extension.
 
     ``.mat`` holds vectors of equal length, in separate variables or in a struct; versions up to
-    7 need no further library, 7.3 needs h5py. ``.parquet`` needs pyarrow. ``.xlsx`` holds a header
-    and samples on its first sheet, and needs openpyxl. All of these come with
+    7 need no further library, 7.3 needs h5py. ``.parquet`` needs pyarrow. ``.xlsx`` holds header
+    and samples on one of its sheets, and needs openpyxl. All of these come with
     ``pip install "sklearn-pgnn[files]"``. ``.mf4`` and ``.mdf`` (extra ``mdf``), and ROS bags
     (extra ``ros``), a ``.bag``, ``.mcap`` or ``.db3`` or the folder of ROS 2, hold channels with
     separate clocks: there is a row wherever an output was measured, with NaN in the other outputs,
@@ -51,8 +54,8 @@ def read_file(
         Defines the columns; its `columns` give their names in the file (``/topic/field`` for a
         number in a bag), and the unit where the file does not: ``/joints/position/0 [deg]``.
     sample_time : float, optional
-        Sample interval [s] of a file without a time; channels with separate clocks are resampled
-        to it by linear interpolation.
+        Sample interval [s] of a file without a time; it overrides the time of one that has it.
+        Channels with separate clocks are resampled to it by linear interpolation.
 
     Returns
     -------
@@ -85,31 +88,18 @@ def read_file(
 
 
 def open_file(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
-    """Open a file of measured samples, by its file extension, to inspect its content.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-    model : PhysicsModel
-        Defines the columns.
-    sample_time : float, optional
-        Sample interval [s] of a file without a time.
-
-    Returns
-    -------
-    FileTable
-        The file, with its `header` and its columns.
-    """
+    """Open a file of measured samples, by its file extension, to inspect its content."""
     path = os.fspath(path)
     log = _LOGS.get(".bag" if is_bag_folder(path) else Path(path).suffix.lower())
     if log is not None:
         expected, opened = log
         return _ChannelTable(opened(path), model, sample_time, expected)
-    kind = _KINDS.get(Path(path).suffix.lower())
-    if kind is None:
+    ending = Path(path).suffix.lower()
+    if ending in (".xlsx", ".xlsm"):
+        return open_excel(path, model, sample_time)
+    if ending not in _KINDS:
         return open_csv(path, model, sample_time)
-    name, load, offset = kind
+    name, load, offset = _KINDS[ending]
     return _FrameTable(path, model, sample_time, name, load(path, model), offset)
 
 
@@ -125,7 +115,7 @@ def read_files(
     model : PhysicsModel
         Defines the columns; its `columns` give their names in the files.
     sample_time : float, optional
-        Sample interval [s] of files without a time.
+        Sample interval [s] of files without a time; it overrides the time of those that have it.
 
     Returns
     -------
@@ -152,7 +142,7 @@ def read_files(
     >>> X["trajectory"].unique().tolist()
     ['run', 'run-2']
     """
-    return read_each(read_file, paths, model, sample_time)
+    return read_each(open_file, paths, model, sample_time)
 
 
 class _FrameTable(FileTable):
@@ -180,21 +170,10 @@ class _FrameTable(FileTable):
         """Return the values of a column."""
         return self.frame.iloc[:, k].tolist()
 
-    def number(self, cell) -> float | None:
-        """Read a number: NaN for an empty cell, None for anything else."""
-        if isinstance(cell, Real):
-            return float(cell)
-        if isinstance(cell, str):
-            try:
-                return float(cell) if cell.strip() else np.nan
-            except ValueError:
-                return None
-        return np.nan if cell is None or pd.isna(cell) else None
-
-    def dates(self, k: int) -> pd.Series | None:
+    def read_dates(self, k: int) -> pd.Series | None:
         """Return a column of dates or time differences."""
         column = self.frame.iloc[:, k].reset_index(drop=True)
-        return column if column.dtype.kind in "mM" else None
+        return column if column.dtype.kind in "mM" else super().read_dates(k)
 
 
 class _ChannelTable(_FrameTable):
@@ -240,7 +219,11 @@ class _ChannelTable(_FrameTable):
         """Return the values of a channel."""
         return self.joined[self.header[k] if k else TIME].tolist()
 
-    def dates(self, k: int) -> None:
+    def times(self, names: list[str]) -> np.ndarray:
+        """Return the clock that all channels share."""
+        return self.joined[TIME].to_numpy()
+
+    def read_dates(self, k: int) -> None:
         """Return None: the clocks of channels count seconds."""
 
 
@@ -251,6 +234,7 @@ def _loaded(path: str, kind: str, load) -> Any:
     """Load a file, or raise `RecordError` for any error that a library raises on a broken file."""
     try:
         if not is_bag_folder(path):
+            check_regular(path, kind)
             Path(path).open("rb").close()
         return load()
     except (ModuleNotFoundError, RecordError):
@@ -259,7 +243,8 @@ def _loaded(path: str, kind: str, load) -> Any:
         why = error.strerror or str(error)
     except Exception as error:
         why = str(error) or type(error).__name__
-    raise RecordError(f"{path}: expected {kind}, got: {' '.join(why.split())}.") from None
+    said = cut(" ".join(why.split()), LISTED)
+    raise RecordError(f"{path}: expected {kind}, got: {said}.") from None
 
 
 def _load_parquet(path: str, model: PhysicsModel) -> pd.DataFrame:
@@ -269,13 +254,6 @@ def _load_parquet(path: str, model: PhysicsModel) -> pd.DataFrame:
     if isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex) and TIME not in frame:
         frame.insert(0, TIME, frame.index)
     return frame.reset_index(drop=True)
-
-
-def _load_excel(path: str, model: PhysicsModel) -> pd.DataFrame:
-    with needed_by("Reading an Excel file"):
-        import openpyxl  # noqa: F401
-    frame = _loaded(path, "an Excel file", partial(pd.read_excel, path, engine="openpyxl"))
-    return frame.dropna(how="all")
 
 
 def _load_mat(path: str, model: PhysicsModel) -> pd.DataFrame:
@@ -367,6 +345,4 @@ _KINDS = {
     ".mat": ("MAT", _load_mat, 1),
     ".parquet": ("Parquet", _load_parquet, 0),
     ".pq": ("Parquet", _load_parquet, 0),
-    ".xlsx": ("Excel", _load_excel, 2),
-    ".xlsm": ("Excel", _load_excel, 2),
 }

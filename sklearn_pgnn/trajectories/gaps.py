@@ -10,29 +10,23 @@ from sklearn_pgnn.trajectories.record import Record
 
 
 def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> tuple[Record, ...]:
-    """Split records at long gaps, in which the inputs are unknown.
+    """Split records at gaps: long intervals in which the inputs are unknown.
 
-    Parameters
-    ----------
-    records : tuple of Record
-        The records.
-    longest : float
-        Longest time without a sample [s] that a simulation may bridge.
-    samples : int
-        Number of a record's usual sample intervals that are always bridged.
-
-    Returns
-    -------
-    tuple of Record
-        The records; the piece after a gap begins at an unknown state, and keeps its time. Pieces
-        that are too short for a record, or have no measured output, are left out.
+    An interval is long if it exceeds both the longest time that a simulation may bridge [s] and so
+    many of the record's usual intervals. Where every input is the same before and after it, as
+    where a logger writes a rest at a slower rate, it is known: that is no gap. Without inputs,
+    nothing tells so. Pieces that are too short for a record, or have no output, are left out.
 
     Examples
     --------
     >>> t = np.array([0.0, 0.1, 0.2, 0.3, 9.0, 9.1, 9.2, 9.3])
-    >>> whole = Record(t, np.zeros((8, 0)), np.ones((8, 1)), np.zeros(1), "a", np.arange(8))
+    >>> u = np.arange(8.0)[:, None]
+    >>> whole = Record(t, u, np.ones((8, 1)), np.zeros(1), "a", np.arange(8))
     >>> [(piece.name, piece.rows.size) for piece in split_at_gaps((whole,), 1.0, 20)]
     [('a', 4), ('a from 9 s', 4)]
+    >>> resting = replace(whole, u=np.zeros((8, 1)))
+    >>> [(piece.name, piece.rows.size) for piece in split_at_gaps((resting,), 1.0, 20)]
+    [('a', 8)]
     """
     return tuple(piece for record in records for piece in _pieces(record, longest, samples))
 
@@ -40,7 +34,7 @@ def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> 
 def _pieces(record: Record, longest: float, samples: int) -> list[Record]:
     steps = np.diff(record.t)
     bridged = max(longest, samples * float(np.median(steps)))
-    edges = [0, *(np.flatnonzero(steps > bridged) + 1), record.t.size]
+    edges = [0, *(np.flatnonzero((steps > bridged) & ~_is_held(record.u)) + 1), record.t.size]
     if len(edges) == 2:
         return [record]
     spans = [slice(a, b) for a, b in pairwise(edges)]
@@ -48,6 +42,11 @@ def _pieces(record: Record, longest: float, samples: int) -> list[Record]:
     return [
         p for p in pieces if p.t.size >= MIN_SAMPLES and (p.y is None or np.isfinite(p.y).any())
     ]
+
+
+def _is_held(u: np.ndarray) -> np.ndarray:
+    """Return for every interval whether there are inputs, the same on both sides of it."""
+    return (u[1:] == u[:-1]).all(axis=1) & (u.shape[1] > 0)
 
 
 def piece_of(record: Record, span: slice) -> Record:

@@ -63,6 +63,30 @@ the columns v, x. Predictions are compared with y by place. Remedy: y[['x', 'v']
     return values
 
 
+def refuse_other_order(X, y) -> None:
+    """Raise `RecordError` where y has the index of X in another order: rows are read by place.
+
+    Examples
+    --------
+    >>> X = pd.DataFrame({"t": [0.0, 0.1]})
+    >>> refuse_other_order(X, pd.Series([1.0, 2.0], index=[1, 0]))
+    Traceback (most recent call last):
+        ...
+    sklearn_pgnn.exceptions.RecordError: y: expected the rows of X in their order, got the same \
+index in another one, first 1 in place of 0. Remedy: y.loc[X.index].
+    """
+    if not (isinstance(X, pd.DataFrame) and isinstance(y, pd.DataFrame | pd.Series)):
+        return
+    own, given = X.index, y.index
+    if len(own) != len(given) or own.equals(given) or set(own) != set(given):
+        return
+    k = next(k for k, (a, b) in enumerate(zip(own, given, strict=True)) if a != b)
+    raise RecordError(
+        f"y: expected the rows of X in their order, got the same index in another one, first "
+        f"{given[k]} in place of {own[k]}. Remedy: y.loc[X.index]."
+    )
+
+
 def _refuse_other_names(model: PhysicsModel, y: pd.DataFrame) -> None:
     """Refuse names that are not those of the outputs in their order."""
     if not any(isinstance(name, str) for name in y.columns):

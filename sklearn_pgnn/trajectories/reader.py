@@ -18,10 +18,11 @@ import pandas as pd
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.names import column_of, is_named, once, place_of, time_name
-from sklearn_pgnn.trajectories.outputs import read_outputs
+from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
 from sklearn_pgnn.trajectories.real_numbers import read_numbers
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.tables import TIME, as_table, read_clock
+from sklearn_pgnn.trajectories.torn_rows import INSTEAD, refuse_torn_rows
 
 #: fewest samples of a trajectory with outputs
 MIN_SAMPLES = 4
@@ -59,8 +60,8 @@ def read_records(
     ------
     RecordError
         If a column is missing, a time or an input is not finite, time runs backward inside a
-        named trajectory, or a trajectory has too few samples; the message gives row, column and
-        trajectory.
+        named trajectory, single rows were drawn from trajectories, y has the index of X in another
+        order, or a trajectory has too few samples.
 
     Examples
     --------
@@ -69,6 +70,7 @@ def read_records(
     >>> [record.t.size for record in read_records(lag, X)]
     [3, 2]
     """
+    refuse_other_order(X, y)
     table = _as_table(model, X, time_column)
     outputs = None if y is None else read_outputs(model, y, len(table))
     if not len(table):
@@ -77,6 +79,7 @@ def read_records(
     u = _inputs(model, table)
     _refuse_not_finite(u, list(model.inputs), table)
     pieces = split_rows(t, _trajectories(table))
+    refuse_torn_rows([t[rows] for _, rows in pieces])
     states = _states(model, table, [rows[0] for _, rows in pieces])
     records = []
     for (name, rows), x0 in zip(pieces, states, strict=True):
@@ -182,7 +185,10 @@ def _from_array(model: PhysicsModel, array: np.ndarray, time_column) -> pd.DataF
     if width != len(names):
         raise RecordError(
             f"X: expected the columns time, {', '.join([*model.inputs, *model.states])} (the "
-            f"states may be left out), got {array.shape[1]} columns."
+            f"states may be left out), got {array.shape[1]} columns. Remedy: a DataFrame, which "
+            f"may have others; tools that hand over arrays (BaggingRegressor) or leave columns out "
+            f"(SequentialFeatureSelector, RFE) need EnsembleRegressor, or fits with a model "
+            f"without the input, in their place."
         )
     names.insert(place_of(time_column, array.shape[1]), TIME)
     return pd.DataFrame(array, columns=names)
@@ -246,7 +252,8 @@ def _check_clock(name: str, t: np.ndarray, rows: np.ndarray, needs_outputs: bool
         k = int(backward[0])
         raise RecordError(
             f"X: time does not increase inside trajectory {name!r}: {t[k]:.12g} s in row "
-            f"{rows[k]}, then {t[k + 1]:.12g} s in row {rows[k + 1]}."
+            f"{rows[k]}, then {t[k + 1]:.12g} s in row {rows[k + 1]}. {INSTEAD}, if single rows "
+            f"were drawn or permuted; else sort the rows, or name every trajectory differently."
         )
     if needs_outputs and t.size < MIN_SAMPLES:
         raise RecordError(

@@ -1,5 +1,6 @@
 """Bags of ROS 1 and ROS 2: the numbers in the messages of their topics."""
 
+import os
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -66,7 +67,7 @@ class BagLog(ChannelLog):
 
 def is_bag_folder(path) -> bool:
     """Return whether a path is the folder of a bag of ROS 2."""
-    return Path(path, METADATA).is_file()
+    return os.path.isfile(os.path.join(path, METADATA))
 
 
 def numbers(message, path: str = "") -> Iterator[tuple[str, float]]:

@@ -6,7 +6,7 @@ from sklearn.metrics import r2_score
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.outputs import read_outputs
+from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
 
 
 class GapScoreMixin(RegressorMixin):
@@ -36,8 +36,9 @@ class GapScoreMixin(RegressorMixin):
         Raises
         ------
         ValueError
-            If y is not as in `fit`, or nothing was measured.
+            If y is not as in `fit`, has the index of X in another order, or nothing was measured.
         """
+        refuse_other_order(X, y)
         predicted = np.asarray(self.predict(X))
         predicted = predicted.reshape(len(predicted), -1)
         measured = read_outputs(self._model_of_y(), y, len(predicted))

@@ -8,6 +8,7 @@ from sklearn.utils.validation import validate_data
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.names import is_named
+from sklearn_pgnn.trajectories.outputs import refuse_other_order
 from sklearn_pgnn.trajectories.tables import as_table
 
 
@@ -48,25 +49,13 @@ def _short(value) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def require_target(estimator, y) -> None:
-    """Raise `ValueError` if the parameter ``y`` of `fit` is None.
-
-    Parameters
-    ----------
-    estimator : estimator
-        Whose `fit` it is.
-    y : array-like or None
-        The parameter.
-
-    Raises
-    ------
-    ValueError
-        In the words that scikit-learn expects.
+def require_target(estimator, X, y) -> None:
+    """Raise `ValueError` if `fit` got no y, in scikit-learn's words, or the rows in another order.
 
     Examples
     --------
     >>> from sklearn.base import BaseEstimator
-    >>> require_target(BaseEstimator(), None)
+    >>> require_target(BaseEstimator(), [[0.0]], None)
     Traceback (most recent call last):
         ...
     ValueError: BaseEstimator requires y to be passed, but the target y is None.
@@ -75,6 +64,7 @@ def require_target(estimator, y) -> None:
         raise ValueError(
             f"{type(estimator).__name__} requires y to be passed, but the target y is None."
         )
+    refuse_other_order(X, y)
 
 
 def refuse_fit_params(estimator, fit_params: dict) -> None:

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -17,9 +18,10 @@ from test_cli import FILES, table, write
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import result_folder
-from sklearn_pgnn.cli.progress import EVERY, Lines, _bars, _Live
 from sklearn_pgnn.cli.signals import check, held, stoppable
-from sklearn_pgnn.exceptions import RecordError, SimulationError
+from sklearn_pgnn.exceptions import DiagnosisWarning, RecordError, SimulationError
+from sklearn_pgnn.progress_display import EVERY, Lines, _bars, _Live
+from sklearn_pgnn.trajectories.files import read_files
 
 #: as from a terminal: a job in the background would ignore Ctrl-C
 CALL = """
@@ -44,12 +46,17 @@ def fitted(tmp_path_factory):
 
 @pytest.fixture
 def breaking(monkeypatch):
-    """Let `fit` break down with an error, after it learned what it is told."""
+    """Let `fit` break down with an error, or a stage of it after it learned what it is told."""
 
     def arrange(error, learned=None):
         def fit(self, X, y):
-            vars(self).update(learned or {})
-            raise error
+            if learned is None:
+                raise error
+            vars(self).update(learned)
+            warning = DiagnosisWarning("a stage of the diagnosis failed")
+            warning.__cause__ = error
+            warnings.warn(warning, stacklevel=1)
+            return self
 
         monkeypatch.setattr(ModelDiagnosis, "fit", fit)
 
@@ -102,7 +109,9 @@ def test_what_was_found_before_a_bug_is_kept(tmp_path, breaking, fitted):
     why = "unexpected LinAlgError: SVD did not converge, at 'cause 2'"
     breaking(np.linalg.LinAlgError("SVD did not converge"), {**fitted, "stopped_": why})
     result = run([*args, "--quiet"])
-    assert result.exit_code == 1
+    assert result.exit_code == 3
+    assert len(result.stderr.splitlines()) == 1
+    assert "LinAlgError: SVD did not converge" in result.stderr
     assert f"The results so far are in {tmp_path / 'out'}: {', '.join(FILES)}." in result.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     data = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
@@ -115,9 +124,40 @@ def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, fitte
     monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
     monkeypatch.setattr("sklearn_pgnn.cli.diagnose.render_report", lambda *_: 1 / 0)
     result = run([*args, "--quiet"])
-    assert result.exit_code == 1
+    assert result.exit_code == 3
     assert "ZeroDivisionError" in result.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES[:2]
+
+
+@pytest.mark.parametrize("lost", ["all_members", "residual_tests", "dot_plot", "correlation"])
+def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeypatch, fitted, lost):
+    args = write(tmp_path)
+    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
+    monkeypatch.setattr(f"sklearn_pgnn.inspection.report.content.{lost}", lambda *_: 1 / 0)
+    result = run([*args, "--quiet"])
+    assert result.exit_code == 3
+    assert "ZeroDivisionError" in result.stderr
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
+    assert "Coulomb friction" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_reading_the_records_takes_from_the_time(tmp_path, monkeypatch, fitted):
+    now, given = [0.0], []
+
+    def read(*arguments):
+        now[0] += 7.0
+        return read_files(*arguments)
+
+    def fit(self, X, y):
+        given.append(self.time_limit)
+        vars(self).update(fitted)
+        return self
+
+    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.monotonic", lambda: now[0])
+    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.read_files", read)
+    monkeypatch.setattr(ModelDiagnosis, "fit", fit)
+    assert run([*write(tmp_path), "--quiet", "--time-limit", "10"]).exit_code == 0
+    assert given == [3.0]
 
 
 def test_a_full_disk_is_no_bug(tmp_path, monkeypatch, fitted):

@@ -62,7 +62,7 @@ def test_options_reach_the_diagnosis(asked):
     assert params["targets"] == ["v"]
     assert params["max_causes"] == 2
     assert params["random_state"] == 5
-    assert params["time_limit"] == 60.0
+    assert 50.0 < params["time_limit"] < 60.0  # less the reading
     assert params["alpha"] == 0.001
     assert params["smallest_share"] == 0.1
     assert params["n_jobs"] == 1
@@ -177,7 +177,7 @@ def test_when_the_time_is_up_the_best_so_far_is_told(tmp_path):
     result = CliRunner().invoke(main, args, catch_exceptions=False)
     assert result.exit_code == 0
     data = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
-    assert data["stopped"].startswith("time limit of 1e-06 s")
+    assert data["stopped"].startswith("time limit, at ")
     assert "Ended early (time limit" in " ".join(result.stdout.split())
 
 

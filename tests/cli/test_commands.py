@@ -57,11 +57,24 @@ def test_the_optional_parts_of_a_template_can_be_taken_in(tmp_path):
     run("init", path)
     parts = ("columns", "delays", "initial_state", "simulation")
     text = path.read_text()
-    for part in parts:
+    for part in (*parts, "tau_force"):
         text = text.replace(f"# {part}:", f"{part}:")
     path.write_text(text)
     model = PhysicsModel.from_yaml(path)
     assert all(getattr(model, part) for part in parts)
+    assert model.delays == {"force": "tau_force"}
+    assert model.parameters["tau_force"].unit == "s"
+
+
+@pytest.mark.parametrize("like", SYSTEMS)
+def test_the_delay_of_a_template_is_no_parameter_of_another_kind(tmp_path, like):
+    path = tmp_path / "mine.yaml"
+    run("init", path, "--like", like)
+    said = [line for line in path.read_text().splitlines() if line.startswith("# delays:")]
+    units = {name: p.unit for name, p in make_system(like).parameters.items()}
+    for line in said:
+        delay = line.partition(": {")[2].partition("}")[0].partition(": ")[2]
+        assert units.get(delay, "s") == "s"
 
 
 def test_a_template_lists_the_columns_of_a_file_and_replaces_nothing_unasked(files):
@@ -133,7 +146,6 @@ def test_a_check_names_what_is_not_used_and_every_column_that_is_missing(files):
 
 
 def test_a_check_says_what_is_converted_and_which_term_does_not_fit(files):
-    pytest.importorskip("pint")
     rows = table(0, level=0.0).rename(columns={"speed": "speed [mm/s]"})
     rows.assign(**{"speed [mm/s]": 1000 * rows["speed [mm/s]"]}).to_csv(files / "mm.csv")
     (files / "cart.yaml").write_text(MODEL.replace("N s/m", "N/m"))
@@ -199,7 +211,7 @@ def test_a_simulation_that_diverges_is_refused(files):
 def test_of_an_output_that_does_not_move_no_percentage_is_told(files):
     table(0).assign(speed=0.5).to_csv(files / "still.csv", index=False)
     said = run("simulate", *given(files, "still.csv"), "--output", files / "run.csv").stdout
-    assert "nothing moves" in said
+    assert "nothing to fit" in said
     assert "nan" not in said
 
 

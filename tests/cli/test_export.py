@@ -54,7 +54,6 @@ def test_a_unit_and_a_text_of_modelica_are_written(model, tmp_path):
 
 
 def test_terms_that_do_not_fit_their_units_are_told(model, tmp_path):
-    pytest.importorskip("pint")
     text = model.read_text(encoding="utf-8")
     assert "unit: N s/m" in text
     model.write_text(text.replace("unit: N s/m", "unit: N/m"), encoding="utf-8")

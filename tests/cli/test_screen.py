@@ -1,5 +1,6 @@
 """What the screen says of a diagnosis: how sure a cause is, and what is left."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from sklearn_pgnn.diagnosis import (
     Remaining,
     RetunedParameter,
     Rival,
+    Structure,
 )
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
@@ -79,6 +81,7 @@ def test_parameters_that_were_unknown_or_lie_at_a_limit_are_shown(capsys):
         for name, prior, value in (("m", 2.0, 1.95), ("d", 0.5, 0.55), ("k", 1.0, 1.02))
     }
     freedoms = tuple(ParameterPrior(n, *ends, 0, 1, 1) for n, ends in ENDS.items())
+    found.records_.best = "extended"
     found.records_.fits = {"extended": SimpleNamespace(freedoms=freedoms, model=told)}
     text = shown(capsys, found)
     assert "Parameters changed, unknown or at a limit (95 % interval)" in text
@@ -102,8 +105,9 @@ def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):
             "disturbance (2.34 × the white noise of v): nothing that was recorded predicts it",
         ),
         (
-            Remaining("structure", {"v": 4.0}, ("F", "v")),
-            "structure (4.00 × the white noise of v): it depends on F and v",
+            Remaining("structure", {"v": 4.0}, Structure("v", 0.83, 0.25, ("F", "v"))),
+            "structure (4.00 × the white noise of v): it depends on F and v, and on what was some "
+            "0.25 s before. A law that acts on the rate of v explains 83 % of it",
         ),
     ],
 )
@@ -125,20 +129,25 @@ def test_the_verdict_has_a_colour_where_the_terminal_has(capsys, monkeypatch, to
     assert colour in text
 
 
-def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(capsys):
-    with_formula = diagnosis(remaining=Remaining("structure", {"v": 2.0}, ("v",)))
+def test_a_formula_has_a_column_of_its_own_in_every_table(capsys):
+    with_formula = diagnosis(remaining=Remaining("structure", {"v": 2.0}, Structure("v", 0.9)))
     with_formula.causes_, with_formula.verdict_ = (), "unexplained"
-    assert "re-tuned extended" in shown(capsys, with_formula)
+    assert "as given re-tuned noise" in shown(capsys, with_formula)
+    with_formula.gain_ = {"v": replace(with_formula.gain_["v"], formula=1.02)}
+    with_formula.free_run_ = {"v": FreeRunError(9.0, 8.0, 8.0, formula=1.34)}
     terms = effects.Formula("v", ("1", "v**3"), (-0.5, 2.0))
     with_formula.discrepancy_ = MissingPart("v", ("v",), 0.4, terms, 1.1, CART + terms, np.zeros(3))
     text = shown(capsys, with_formula)
-    assert "re-tuned without formula noise" in text
-    assert "re-tuned extended" not in text
+    assert "as given re-tuned with formula noise explained v 3 2 1.02 1 m/s" in text
+    assert "as given re-tuned with formula v 9 8 1.34 m/s" in text
     assert "depends on v, which explains 40 %" in text
-    assert "With -0.5 + 2·v³ added there" in text
+    said = "leaves 1.02 × the noise over held-out windows, and in free run 1.34 ×."
+    assert f"With −0.5 + 2·v³ added there the model {said}" in text
+    with_formula.causes_ = diagnosis().causes_
+    assert "v 3 2 2 1.02 1 m/s" in shown(capsys, with_formula)  # the causes alone, then with it
 
 
-@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
 def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
@@ -148,7 +157,7 @@ def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     assert shown(capsys, lost).count(silence) == 1
 
 
-@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
 def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()

@@ -10,9 +10,11 @@ from sklearn.exceptions import NotFittedError
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import formula_selection, model_diagnosis
+from sklearn_pgnn.diagnosis.investigation import Investigation
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.estimation import fitting, progress, window_fitter
-from sklearn_pgnn.estimation.progress import BEST, Progress, TimeIsUp
+from sklearn_pgnn.estimation.progress import AFTER_TESTS, BEST, Progress, TimeIsUp
+from sklearn_pgnn.exceptions import DiagnosisWarning
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import unusable_sentence, verdict_sentence
 from sklearn_pgnn.physics.effect import Effect, quantity
@@ -221,28 +223,36 @@ class Bug(Exception):
     """A mistake in the program."""
 
 
+def failing(*args, **options):
+    raise Bug("what now")
+
+
+def fit_in_spite_of_a_failure(diagnosis, X, y):
+    """Fit; the error of the stage that failed is the cause of the warning."""
+    with pytest.warns(DiagnosisWarning, match="a stage of the diagnosis failed .*Remedy: ") as told:
+        diagnosis.fit(X, y)
+    (warning,) = (w.message for w in told if isinstance(w.message, DiagnosisWarning))
+    return warning.__cause__
+
+
 @pytest.mark.parametrize("error", [Bug("what now"), KeyError("br_v")])
-def test_a_bug_in_a_candidate_is_raised_and_the_best_so_far_is_kept(monkeypatch, error):
+def test_a_bug_in_a_candidate_is_told_and_the_best_so_far_is_kept(monkeypatch, error):
     break_fits(monkeypatch, error)
     diagnosis = ModelDiagnosis(CART, catalogue=(effects.CoulombFriction, Broken))
-    with pytest.raises(type(error)):
-        diagnosis.fit(*records())
-    assert diagnosis.verdict_ == "unexplained"
+    assert fit_in_spite_of_a_failure(diagnosis, *records()) is error
+    assert diagnosis.verdict_ == "provisional"
     assert diagnosis.stopped_ == f"unexpected {type(error).__name__}: {error}, at 'cause 1'"
+    assert named(diagnosis) == [("coulomb_friction", "v")]
     assert [tried.effect for tried in diagnosis.candidates_] == ["coulomb_friction"]
     assert diagnosis.to_dict()["stopped"] == diagnosis.stopped_
     assert verdict_sentence(diagnosis).startswith(f"Ended early ({diagnosis.stopped_})")
-    assert "no cause was found yet" in render_report(diagnosis)
+    assert "Coulomb friction" in render_report(diagnosis)
 
 
 def test_a_cause_that_was_found_is_kept_where_the_program_fails_later(monkeypatch):
-    def breaking(*args):
-        raise Bug("what now")
-
-    monkeypatch.setattr(fitting.HypothesisFitter, "polish", breaking)
+    monkeypatch.setattr(fitting.HypothesisFitter, "polish", failing)
     diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES)
-    with pytest.raises(Bug):
-        diagnosis.fit(*records())
+    fit_in_spite_of_a_failure(diagnosis, *records())
     assert named(diagnosis) == [("coulomb_friction", "v")]
     assert diagnosis.gain_["v"].explained_share > 0.9
     assert diagnosis.stopped_.startswith("unexpected Bug: what now, at ")
@@ -250,21 +260,62 @@ def test_a_cause_that_was_found_is_kept_where_the_program_fails_later(monkeypatc
     assert "Coulomb friction" in render_report(diagnosis)
 
 
+def test_what_is_provisional_has_no_probability(monkeypatch):
+    monkeypatch.setattr(fitting.HypothesisFitter, "polish", failing)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES)
+    fit_in_spite_of_a_failure(diagnosis, *records())
+    (cause,) = diagnosis.causes_
+    assert diagnosis.verdict_ == "provisional"
+    assert not cause.tested
+    assert not diagnosis.tested_
+    assert np.isnan(cause.probability)
+    assert "provisional" in repr(cause)
+    data = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
+    assert (data["tested"], data["causes"][0]["tested"]) == (False, False)
+    assert data["causes"][0]["probability"] is None
+    assert diagnosis.causes_frame()["probability"].isna().all()
+    page = render_report(diagnosis)
+    assert "not tested: the search did not finish" in page
+    assert "nan" not in page.replace("finance", "").lower().split("</style>")[-1].split()
+    assert "not tested" in cause._repr_html_()
+
+
+@pytest.mark.parametrize("stage", ["choose", "_in_fine_steps", "_try_slopes"])
+def test_a_stage_after_the_search_that_fails_leaves_its_result(monkeypatch, stage):
+    place = formula_selection.FormulaSelection if stage == "choose" else Investigation
+    monkeypatch.setattr(place, stage, failing)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES)
+    assert isinstance(fit_in_spite_of_a_failure(diagnosis, *records()), Bug)
+    assert "unexpected Bug: what now" in diagnosis.stopped_
+    assert diagnosis.gain_["v"].refitted > 0
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.tested_ == (stage != "choose")
+    assert render_report(diagnosis)
+
+
+def test_of_a_cause_that_cannot_be_described_nothing_is_said(monkeypatch):
+    def describe(search, result, errors):
+        return failing() if result.steps else ()
+
+    monkeypatch.setattr(model_diagnosis, "name_causes", describe)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES)
+    assert isinstance(fit_in_spite_of_a_failure(diagnosis, *records()), Bug)
+    assert (diagnosis.verdict_, diagnosis.causes_) == ("provisional", ())
+    assert diagnosis.gain_["v"].refitted > 0
+    assert render_report(diagnosis)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["check_data_quality", "are_same"])
 def test_a_bug_after_the_search_does_not_lose_its_result(monkeypatch, name):
-    def breaking(*args):
-        raise Bug("what now")
-
-    monkeypatch.setattr(model_diagnosis, name, breaking)
+    monkeypatch.setattr(model_diagnosis, name, failing)
     catalogue = (effects.InputBias, effects.ConstantLoad) if name == "are_same" else CANDIDATES
     X, y = records(level=0.0)
     diagnosis = ModelDiagnosis(CART, catalogue=catalogue)
     if name == "are_same":
         y = (CART + effects.InputBias("F", bias=0.3)).simulate(X[:, 0], X[:, 1]).y
         y = y + 1e-3 * np.random.default_rng(0).normal(size=y.shape)
-    with pytest.raises(Bug):
-        diagnosis.fit(X, y)
+    fit_in_spite_of_a_failure(diagnosis, X, y)
     assert diagnosis.stopped_.startswith("unexpected Bug: what now, at ")
     assert diagnosis.complete_
     assert "the search was complete" in verdict_sentence(diagnosis)
@@ -306,10 +357,10 @@ def stages_until_the_end(monkeypatch, limit):
 
 def test_a_time_limit_that_is_never_enough_leaves_the_re_tuned_model(monkeypatch):
     diagnosis, stages = stages_until_the_end(monkeypatch, 1e-3)
-    assert diagnosis.verdict_ == "unexplained"
+    assert diagnosis.verdict_ == "provisional"
     assert diagnosis.causes_ == ()
-    assert diagnosis.stopped_ == "time limit of 0.001 s, at 'candidates'"
-    assert stages[-1] == "held-out error"
+    assert diagnosis.stopped_ == "time limit, at 'candidates'"
+    assert stages[-1] == "experiments that separate"
     assert diagnosis.gain_["v"].refitted > 0
     assert "no cause was found yet" in verdict_sentence(diagnosis)
     assert diagnosis.to_dict()["stopped"] == diagnosis.stopped_
@@ -323,7 +374,7 @@ def test_every_time_limit_gives_the_best_until_then(monkeypatch):
     known = []
     for share in (0.3, 0.8, 0.95):
         diagnosis, _ = stages_until_the_end(monkeypatch, share * len(stages))
-        assert diagnosis.stopped_.startswith("time limit of")
+        assert diagnosis.stopped_.startswith("time limit, at ")
         assert set(named(diagnosis)) <= {("coulomb_friction", "v")}
         assert json.dumps(diagnosis.to_dict(), allow_nan=False)
         known.append(len(diagnosis.causes_))
@@ -332,18 +383,19 @@ def test_every_time_limit_gives_the_best_until_then(monkeypatch):
     assert known[-1] == 1
 
 
-def end_with_a_needless_cause(monkeypatch, spare):
+def end_with_a_needless_cause(monkeypatch, reserve):
     """Diagnose with a search that ends with a cause that is not there, by a clock of told steps."""
     friction, needless = effects.CoulombFriction("v"), effects.ConstantLoad("v")
     now = [0.0]
     monkeypatch.setattr(progress, "monotonic", lambda: now[0])
-    monkeypatch.setattr(progress, "SPARE", spare)
+    monkeypatch.setattr(progress, "RESERVE", reserve)
+    monkeypatch.setattr(progress, "MOST_RESERVED", np.inf)
 
     def run(self, begin=None):
         for cause in (friction, needless):
             first = self.fitter.first_fit(self.fitter.subsample(self.current), cause)
             self.current = self.fitter.fit_all(self.fitter.converge(first), self.current)
-        now[0], self.progress.counts = 100.0, True
+        now[0], self.progress.counts = 1000.0 * (1 - reserve), True
         with pytest.raises(TimeIsUp):
             self.progress.tick()
         return self.so_far()
@@ -352,23 +404,21 @@ def end_with_a_needless_cause(monkeypatch, spare):
         now[0] += now[0] > 0
 
     monkeypatch.setattr(Search, "run", run)
-    return diagnose(time_limit=100.0, progress=tell)
+    return diagnose(time_limit=1000.0, progress=tell)
 
 
 def test_what_was_found_until_the_time_is_up_is_named_beside_the_others(monkeypatch):
-    diagnosis = end_with_a_needless_cause(monkeypatch, spare=10.0)
+    diagnosis = end_with_a_needless_cause(monkeypatch, reserve=0.9)
     assert named(diagnosis) == [("coulomb_friction", "v")]
-    assert diagnosis.tested_
-    assert "was not tested" not in verdict_sentence(diagnosis)
+    assert diagnosis.verdict_ == "provisional"
 
 
-def test_where_spare_time_does_not_suffice_the_verdict_says_what_was_not_tested(monkeypatch):
-    diagnosis = end_with_a_needless_cause(monkeypatch, spare=0.0)
+def test_where_the_reserve_does_not_suffice_what_was_found_is_provisional_all_the_same(monkeypatch):
+    diagnosis = end_with_a_needless_cause(monkeypatch, reserve=0.0)
     assert set(named(diagnosis)) == {("coulomb_friction", "v"), ("constant_load", "v")}
-    assert not diagnosis.tested_
+    assert diagnosis.verdict_ == "provisional"
     assert not diagnosis.to_dict()["tested"]
-    assert "whether each cause is needed beside the others was not" in verdict_sentence(diagnosis)
-    assert diagnosis.stopped_ == "time limit of 100 s, at 'candidates'"
+    assert diagnosis.stopped_ == "time limit, at 'candidates'"
 
 
 def test_the_checks_of_the_records_end_with_the_time_and_keep_what_they_found(monkeypatch):
@@ -382,7 +432,7 @@ def test_the_checks_of_the_records_end_with_the_time_and_keep_what_they_found(mo
     monkeypatch.setattr(checks, "find_quantisation", late)
     monkeypatch.setattr(checks, "find_closed_loop", lambda *_: pytest.fail("too late"))
     diagnosis = diagnose(time_limit=100.0)
-    assert diagnosis.stopped_ == "time limit of 100 s, at 'quality of the records'"
+    assert diagnosis.stopped_ == "time limit, at 'quality of the records'"
     assert diagnosis.complete_
     assert [finding.kind for finding in diagnosis.data_quality_] == ["outliers"]
 
@@ -393,17 +443,35 @@ def test_a_time_limit_that_is_none_is_refused(limit):
         diagnose(time_limit=limit)
 
 
-def test_time_is_up_once_and_only_where_it_counts(monkeypatch):
+def test_a_search_ends_before_the_time_and_what_needs_a_result_ends_with_it(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(progress, "monotonic", lambda: now[0])
-    clock = Progress(None, 3.0)
-    now[0] = 5.0
-    clock.tick()
+    clock = Progress(None, 100.0)
     clock.counts = True
+    now[0] = 79.0
+    assert not clock.tick()
+    now[0] = 81.0
     with pytest.raises(TimeIsUp):
         clock.begin("here")
-    assert clock.ended == "time limit of 3 s, at 'here'"
-    clock.step()
+    assert clock.ended == "time limit, at 'here'"
+    clock.counts = False
+    assert not clock.tick()
+    with clock.spare_time(AFTER_TESTS):
+        clock.step()
+        now[0] = 91.0
+        clock.step()
+        pytest.fail("too late")
+    assert not clock.tick()
+    now[0] = 101.0
+    assert clock.tick()  # a fit ends with what it has
+
+
+def test_what_is_left_out_for_an_error_is_told():
+    clock, error = Progress(), Bug("what now")
+    clock.begin("here")
+    with clock.kept():
+        raise error
+    assert (clock.failed, clock.ended) == (error, "unexpected Bug: what now, at 'here'")
 
 
 # -- progress --------------------------------------------------------------------------------------

@@ -105,8 +105,8 @@ def every_second(X, y):
 
 
 def at_random(X, y):
-    """Keep 4 of 5 samples, but the first of every record."""
-    kept = (np.random.default_rng(0).uniform(size=len(X)) < 0.8) | (X["t"] == 0)
+    """Keep 9 of 10 samples, but the first of every record."""
+    kept = (np.random.default_rng(0).uniform(size=len(X)) < 0.9) | (X["t"] == 0)
     return X[kept], y[kept]
 
 
@@ -175,7 +175,7 @@ def test_a_model_with_the_time_in_its_equations_takes_the_time_as_it_is_given():
 def test_what_lies_behind_a_gap_is_a_record_of_its_own():
     lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     t = np.concatenate([np.arange(50) * 0.1, 100 + np.arange(60) * 0.1, [300.0, 300.1]])
-    X = pd.DataFrame({"t": t, "u": 1.0, "y": 0.5})
+    X = pd.DataFrame({"t": t, "u": np.arange(t.size), "y": 0.5})
     (record,) = read_records(lag, X, np.sin(t))
     first, second = split_at_gaps((record,), longest=3.0, samples=20)
     assert (first.name, second.name) == ("0", "0 from 100 s")
@@ -188,3 +188,49 @@ def test_what_lies_behind_a_gap_is_a_record_of_its_own():
     assert split_at_gaps((record,), longest=300.0, samples=20) == (record,)
     (joined,) = split_at_gaps((record,), longest=3.0, samples=1000)
     assert joined.t.size == 110
+
+
+def cycled(log):
+    """Charge and rest a cell of 20 mOhm, with an RC branch of 15 mOhm and 90 s.
+
+    Every change of the current is logged, and else as often as `log` says of a pulse and a rest.
+    """
+    current = np.tile(np.repeat([2.0, 0.0, -2.0, 0.0], [40, 900, 40, 900]), 2)  # every second
+    t, branch, v = np.arange(current.size, dtype=float), 0.0, []
+    for now in current:
+        v.append(0.02 * now + branch)
+        branch += (0.015 * now - branch) * -np.expm1(-1 / 90.0)
+    new = np.flatnonzero(np.diff(current, prepend=np.nan))
+    ends = [*new[1:], t.size]
+    rows = [np.arange(a, b, log[int(current[a] == 0)]) for a, b in zip(new, ends, strict=True)]
+    kept = np.unique(np.concatenate([*rows, new[1:] - 1]))
+    y = np.array(v)[kept] + 1e-4 * np.random.default_rng(0).normal(size=kept.size)
+    return pd.DataFrame({"t": t[kept], "I": current[kept]}), y
+
+
+def test_a_rest_that_is_logged_slowly_is_no_gap():
+    branch = PhysicsModel(
+        {"b": "V"},
+        {"b": "(R*I - b)/T"},
+        {"R": {"value": 0.02, "spread": 1.0}, "T": {"value": 60.0, "spread": 1.0}},
+        {"I": "A"},
+        outputs={"V": "b + 0.02*I"},
+    )
+    X, y = cycled(log=(1, 60))
+    (record,) = read_records(branch, X, y)
+    assert split_at_gaps((record,), longest=10.0, samples=20) == (record,)
+    found = PhysicsModelRegressor(branch).fit(X, y).parameters_
+    assert found["T"].value == pytest.approx(90.0, rel=0.1)
+    assert found["R"].value == pytest.approx(0.015, rel=0.1)
+
+
+def test_where_an_input_has_changed_behind_a_long_interval_it_is_a_gap():
+    t = np.array([0.0, 1.0, 2.0, 3.0, 63.0, 123.0, 124.0, 125.0, 126.0, 186.0, 187.0, 188.0, 189.0])
+    held, moved = np.zeros(t.size), np.where(t > 150.0, 1.0, 0.0)
+    model = PhysicsModel({"y": "V"}, {"y": "u + w - y"}, {}, {"u": "V", "w": "V"})
+    X = pd.DataFrame({"t": t, "u": held, "w": moved})
+    pieces = split_at_gaps(read_records(model, X, np.sin(t)), longest=10.0, samples=20)
+    assert [piece.t.size for piece in pieces] == [9, 4]
+    alone = PhysicsModel({"y": "V"}, {"y": "-y"})
+    pieces = split_at_gaps(read_records(alone, X[["t"]], np.sin(t)), longest=10.0, samples=20)
+    assert [piece.t.size for piece in pieces] == [4, 4, 4]

@@ -37,7 +37,7 @@ def test_a_disturbance_gets_no_name_though_windows_tell_for_one(monkeypatch):
     catalogue = ("parameter_slope", "parameter_saturation", "leak", "overflow", "state_limit")
     diagnosis = ModelDiagnosis(prior, catalogue=catalogue).fit(X, y)
     assert (diagnosis.verdict_, diagnosis.remaining_.kind) == ("model_adequate", "disturbance")
-    monkeypatch.setattr(Moves, "_drop_disturbed", lambda *_: None)
+    monkeypatch.setattr(Moves, "drop_disturbed", lambda *_: None)
     monkeypatch.setattr(FormulaSelection, "choose", lambda _, search, result, left: (result, None))
     assert ModelDiagnosis(prior, catalogue=catalogue).fit(X, y).causes_
 

@@ -27,6 +27,7 @@ def takes_the_place(trial, causes, leaves="noise", n_terms=1, part=()):
     compare = SimpleNamespace(
         refutes=lambda better, worse: better.squares < 0.5 * worse.squares,
         is_nameable=lambda trial: leaves != "noise",
+        leaves_much=lambda trial: leaves == "much",
     )
     search = SimpleNamespace(
         compare=compare,
@@ -64,6 +65,12 @@ def test_a_formula_is_no_simpler_than_the_part_of_the_causes_that_says_as_much()
 def test_a_formula_that_leaves_structure_takes_no_place_however_near_it_is():
     causes = trial_of(3, squares=10.0)
     assert not takes_the_place(trial_of(2, squares=0.1), causes, leaves="structure")
+
+
+def test_a_formula_that_leaves_much_takes_a_place_only_where_the_causes_leave_far_more():
+    causes = trial_of(3, squares=10.0)
+    assert not takes_the_place(trial_of(2, squares=4.0), causes, leaves="much")
+    assert takes_the_place(trial_of(2, squares=2.0), causes, leaves="much")
 
 
 def is_law(*terms):

@@ -104,13 +104,13 @@ def test_the_file_alone_gives_the_reports_number(one_record, tmp_path):
     assert rms(diagnosis.predict(X) - y) == pytest.approx(stated, rel=1e-9)
 
 
-def test_the_other_models_give_theirs(one_record):
+def test_the_other_models_give_theirs_from_starts_of_their_own(one_record):
     X, y, diagnosis = one_record
-    start, stated = diagnosis.initial_states_[0], diagnosis.free_run_["position"]
+    stated, starts = diagnosis.free_run_["position"], diagnosis.records_.starts
     options = {"hold": diagnosis.hold_, "substeps": diagnosis.substeps_}
-    prior = diagnosis.model.simulate(X["t"], X["F"], start, **options)
+    prior = diagnosis.model.simulate(X["t"], X["F"], starts["prior"][0], **options)
     assert rms(prior.y[:, 0] - y) == pytest.approx(stated.prior, rel=1e-9)
-    refitted = diagnosis.refitted_model_.simulate(X["t"], X["F"], start)
+    refitted = diagnosis.refitted_model_.simulate(X["t"], X["F"])
     assert rms(refitted.y[:, 0] - y) == pytest.approx(stated.refitted, rel=1e-9)
     assert stated.extended < stated.refitted < stated.prior
 

@@ -91,7 +91,7 @@ def test_a_model_is_not_adequate_where_time_ends_before_what_is_left_is_explaine
 ):
     monkeypatch.setattr(f"{investigation.__name__}.{where}", end)
     found = ModelDiagnosis(FAN, catalogue=("input_bias",)).fit(*spin(-8.0))
-    assert (found.remaining_.kind, found.verdict_) == (left, "unexplained")
+    assert (found.remaining_.kind, found.verdict_) == (left, "provisional")
     assert not found.complete_
 
 

@@ -1,5 +1,7 @@
 """Laws of the ladder: who goes on, and how far behind one may be."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from rubbing_sledge import CRITERION, KINDS, fitted, fresh_fitter
@@ -7,6 +9,7 @@ from sledge import SLEDGE
 
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis.ladder import Ladder
+from sklearn_pgnn.estimation.budgets import COARSER, TOLERANCE
 
 CANDIDATES = tuple(kind(kind.targets(SLEDGE)[0]) for kind in KINDS)
 
@@ -75,3 +78,20 @@ def test_what_may_stand_in_a_place_has_another_cause_there(ladder):
     for other in ladder.in_place(rubbed, cause):
         assert len(other.hypothesis.causes) == 1
         assert cause not in other.hypothesis.causes
+
+
+# -- few candidates --------------------------------------------------------------------------------
+
+
+def test_every_allowed_set_of_few_candidates_is_fitted_and_none_of_many():
+    few = (*CANDIDATES[:3], effects.LoadFriction("v"))  # excludes dry friction beside it
+    ladder = Ladder(fresh_fitter(), CRITERION, few, dict.fromkeys(few, ()))
+    found = {frozenset(fit.hypothesis.causes): fit for fit in ladder.few_sets(most=2)}
+    assert list(map(len, found)) == sorted(map(len, found))
+    pairs = {frozenset(pair) for pair in combinations(few, 2)}
+    assert found.keys() == {frozenset([c]) for c in few} | pairs - {frozenset(few[1::2])}
+    for pair in found.keys() & pairs:
+        less = min(found[frozenset([cause])].fit.objective for cause in pair)
+        assert found[pair].fit.objective <= (1 + COARSER * TOLERANCE) * less
+    many = Ladder(ladder.fitter, CRITERION, CANDIDATES, dict.fromkeys(CANDIDATES, ()))
+    assert many.few_sets(most=4) == []

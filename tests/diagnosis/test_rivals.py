@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis import rivals
-from sklearn_pgnn.diagnosis.rivals import find_rivals
+from sklearn_pgnn.diagnosis.rivals import find_rivals, likelier, not_refuted
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 
@@ -24,15 +24,15 @@ def trial_of(*causes):
     hypothesis = Hypothesis()
     for cause in causes:
         hypothesis = hypothesis.plus(cause)
-    return SimpleNamespace(hypothesis=hypothesis, fit=SimpleNamespace(model=None))
+    return SimpleNamespace(hypothesis=hypothesis, fit=SimpleNamespace(model=None, objective=1.0))
 
 
 def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=()):
-    """Return the rivals of a cause, given the evidence for it over each other."""
+    """Return the rivals of a cause and what is likelier, given how surely the cause is."""
     trials = {other: trial_of(*beside, other) for other in evidence}
     over = {id(trial): evidence[other] for other, trial in trials.items()}
     compare = SimpleNamespace(
-        evidence=lambda trial, final: over[id(trial)],
+        separation=lambda trial, final: over[id(trial)],
         refutes=lambda final, trial: over[id(trial)] > CRITERION.to_refute,
         stands_in_free_run=lambda trial: trial.hypothesis.causes[-1] not in falls,
         runs_worse=lambda final, trial: trial.hypothesis.causes[-1] in worse,
@@ -43,45 +43,56 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=()):
         candidates=(CAUSE, LIKE, DRAG, DEARER),
         same={CAUSE: (SAME,), LIKE: (SAME,), DRAG: (), DEARER: ()},
     )
+    final = trial_of(*beside, CAUSE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rivals, "resemble", lambda problem, model, cause, other: other in resembling)
         patch.setattr(rivals, "_is_same", lambda fitter, rest, cause, other: other in equal)
-        return find_rivals(compare, ladder, trial_of(*beside, CAUSE), CAUSE)
+        near = not_refuted(compare, ladder, final, CAUSE)
+        first = [trial.hypothesis.causes[-1] for trial in likelier(final, near)]
+        return find_rivals(ladder, final, CAUSE, near), first
 
 
-@pytest.mark.slow
 @given(st.floats(-100, 100))
-def test_a_rival_is_what_the_cause_does_not_refute(evidence):
-    found = rivals_of({LIKE: evidence})
+def test_what_is_not_refuted_is_a_rival_or_likelier_than_the_cause(evidence):
+    found, first = rivals_of({LIKE: evidence})
     assert bool(found) is (evidence <= CRITERION.to_refute)
-    assert all(value == evidence for _, value in found)
+    assert bool(first) is (evidence < 0.0)
+    assert all(value == max(evidence, 0.0) for _, value in found)
+
+
+def test_the_likeliest_is_tried_first():
+    assert rivals_of({LIKE: -1.0, DRAG: -7.0, DEARER: -90.0})[1] == [DRAG, LIKE]
+
+
+@pytest.mark.parametrize(("objective", "first"), [(99.0, [LIKE]), (99.99, []), (101.0, [])])
+def test_of_two_that_nothing_separates_the_one_that_fits_all_records_better_is_first(
+    objective, first
+):
+    final, trial = trial_of(CAUSE), trial_of(LIKE)
+    final.fit.objective, trial.fit.objective = 100.0, objective
+    assert [t.hypothesis.causes[-1] for t in likelier(final, [(trial, 0.0)])] == first
+    assert likelier(final, [(trial, 1e-3)]) == []
 
 
 def test_what_takes_more_parameters_is_no_rival_however_near():
-    assert rivals_of({DEARER: 0.0}) == []
+    assert rivals_of({DEARER: 0.0}) == ([], [])
 
 
 @pytest.mark.parametrize("than", ["falls", "worse"])
 def test_what_the_free_run_speaks_against_is_no_rival_however_near_over_windows(than):
-    assert rivals_of({LIKE: -300.0, DRAG: 1.0}, **{than: (LIKE,)}) == [(DRAG, 1.0)]
+    assert rivals_of({LIKE: -300.0, DRAG: 1.0}, **{than: (LIKE,)}) == ([(DRAG, 1.0)], [])
 
 
 def test_what_is_the_same_as_a_rival_is_one_too_with_the_same_evidence():
-    assert rivals_of({LIKE: 1.0}) == [(LIKE, 1.0), (SAME, 1.0)]
-
-
-@given(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
-def test_rivals_are_ordered_by_the_evidence_against_them(one, other):
-    found = [value for _, value in rivals_of({LIKE: one, DRAG: other})]
-    assert found == sorted([one, one, other])
+    assert rivals_of({LIKE: 1.0})[0] == [(LIKE, 1.0), (SAME, 1.0)]
 
 
 def test_what_is_too_small_to_be_told_from_another_resembles_it():
-    assert rivals_of({}, resembling=(LIKE,)) == [(LIKE, 0.0), (SAME, 0.0)]
-    assert rivals_of({LIKE: -3.0}, resembling=(LIKE,))[0] == (LIKE, -3.0)  # it was fitted
-    assert rivals_of({}, resembling=(LIKE,), beside=(LIKE,)) == []  # it is a cause already
+    assert rivals_of({}, resembling=(LIKE,))[0] == [(LIKE, 0.0), (SAME, 0.0)]
+    assert rivals_of({LIKE: 3.0}, resembling=(LIKE,))[0][0] == (LIKE, 3.0)  # it was fitted
+    assert rivals_of({}, resembling=(LIKE,), beside=(LIKE,))[0] == []  # it is a cause already
 
 
 def test_what_is_the_same_beside_the_others_is_a_rival_that_no_evidence_is_against():
-    assert rivals_of({}, equal=(DRAG,)) == [(DRAG, 0.0)]
-    assert rivals_of({DRAG: 2.0}, equal=(DRAG,)) == [(DRAG, 2.0)]
+    assert rivals_of({}, equal=(DRAG,))[0] == [(DRAG, 0.0)]
+    assert rivals_of({DRAG: 2.0}, equal=(DRAG,))[0] == [(DRAG, 2.0)]

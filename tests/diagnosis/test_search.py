@@ -5,11 +5,16 @@ from rubbing_sledge import CRITERION, KINDS, LEVEL, fitted, fresh_fitter, rubbin
 from sledge import SLEDGE, drive
 
 from sklearn_pgnn import ModelDiagnosis, effects
+from sklearn_pgnn.diagnosis.ladder import Ladder
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem, with_substeps
+from sklearn_pgnn.estimation.progress import TimeIsUp
+from sklearn_pgnn.physics.effects import frequent_first
 from sklearn_pgnn.trajectories import read_records
+
+SLEDGE_CAUSES = tuple(kind(kind.targets(SLEDGE)[0]) for kind in KINDS)
 
 
 def diagnose(X, y, model=SLEDGE, catalogue=KINDS):
@@ -169,6 +174,35 @@ def test_a_cause_that_is_named_is_likelier_than_none():
         assert evidence == pytest.approx(search.compare.evidence(fitted, result.final))
 
 
+# -- the most probable of a group ------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", ["quadratic_drag", "constant_load", "wrong_parameter"])
+def test_a_likelier_cause_takes_the_place_of_the_one_that_was_accepted(search, wrong):
+    kind = next(kind for kind in KINDS if kind.id == wrong)
+    search.current = fitted(search.fitter, kind)
+    result = search._result(complete=True)
+    assert [cause.id for cause in result.final.hypothesis.causes] == ["coulomb_friction"]
+    for cause, others in result.rivals.items():
+        values = [value for _, value in others]
+        mine, *theirs, _ = CRITERION.probabilities([*values, result.evidence[cause]])
+        assert all(CRITERION.alpha <= chance <= mine for chance in theirs)
+
+
+def test_a_cause_that_is_improbable_beside_what_cannot_be_named_is_not_named(search, monkeypatch):
+    search.current = fitted(search.fitter, effects.QuadraticDrag)
+    monkeypatch.setattr(search, "_named_in_place", lambda final, trial, tried: None)
+    result = search._result(complete=True)
+    assert result.final.hypothesis.causes == ()
+
+
+def test_what_tells_no_more_than_carrying_on_names_nothing(search, monkeypatch):
+    search.current = fitted(search.fitter, effects.CoulombFriction)
+    monkeypatch.setattr(search.fitter, "predicts_nothing", lambda trial, smallest_share: True)
+    assert search._result(complete=True).steps == []
+
+
 # -- where a search ends ---------------------------------------------------------------------------
 
 
@@ -265,3 +299,40 @@ def test_where_a_disturbance_takes_what_was_found_the_search_goes_on(monkeypatch
 
     monkeypatch.setattr(search.moves, "pruned", without_taken)
     assert search.run().final.hypothesis.causes == (effects.QuadraticDrag("v"),)
+
+
+# -- where the time is up --------------------------------------------------------------------------
+
+
+def searched_until(cause, monkeypatch):
+    """Search until a candidate was looked at, and no further."""
+    step = Ladder.step
+
+    def step_and_end(self, fit):
+        if self.progress.counts and cause in fit.hypothesis.causes:
+            raise TimeIsUp
+        return step(self, fit)
+
+    monkeypatch.setattr(Ladder, "step", step_and_end)
+    search = Search(
+        fresh_fitter(), SLEDGE_CAUSES, CRITERION, 4, lambda trial: True, lambda search: False
+    )
+    return search.run()
+
+
+def test_what_was_looked_at_until_the_time_is_up_is_found_if_it_is_named(monkeypatch):
+    friction = effects.CoulombFriction("v")
+    found = searched_until(friction, monkeypatch)
+    assert found.final.hypothesis.causes == (friction,)
+    assert not found.complete
+
+
+def test_nothing_is_found_where_the_time_is_up_before(monkeypatch):
+    found = searched_until(frequent_first(SLEDGE_CAUSES)[0], monkeypatch)
+    assert (found.final.hypothesis.causes, found.complete) == ((), False)
+
+
+def test_frequent_causes_are_looked_at_first(monkeypatch):
+    """The rare ones were not, where the time is up."""
+    found = searched_until(effects.CoulombFriction("v"), monkeypatch)
+    assert effects.QuadraticDrag("v") not in found.alone

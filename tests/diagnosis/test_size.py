@@ -19,6 +19,7 @@ from sklearn_pgnn.diagnosis.size import (
     likelihood_intervals,
     overdispersion_along,
     parameter_errors,
+    says_more_than_bounds,
 )
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
@@ -226,3 +227,18 @@ def _asked(value, covariance):
         patch.setattr(size, "parameter_covariance", lambda *_: covariance)
         patch.setattr(size, "_expected_starts", lambda *_: ())
         return differs_from_none(None, trial, STRIBECK, 0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("noise", "says_more"), [(2e-3, True), (3.0, False)])
+def test_a_value_at_its_bound_that_may_be_any_other_says_nothing(noise, says_more):
+    """The mass is 2.6 kg, and the model allows 1.8 to 2.3 kg: loud records allow all of that."""
+    mass = {"value": 2.0, "bounds": [1.8, 2.3], "spread": 0.02}
+    prior = SLEDGE.replace(parameters={"m": mass, "d": {"value": 0.5, "fixed": True}})
+    X, y = drive(SLEDGE.with_parameters(m=2.6), n_records=2, samples=200, noise=noise, seed=2)
+    fitter = HypothesisFitter(build_problem(prior, read_records(prior, X, y)))
+    wrong = effects.WrongParameter("m")
+    first = fitter.converge(fitter.first_fit(fitter.subsample(fitter.base()), wrong))
+    trial = fitter.polish(fitter.fit_all(first, fitter.base()))
+    assert trial.fit.model.parameters["m"].value == 2.3
+    assert says_more_than_bounds(fitter, trial, wrong) is says_more

@@ -14,6 +14,7 @@ from sklearn_pgnn.estimation.criterion import (
     SelectionCriterion,
     explained_share,
     log_likelihood_ratio,
+    ratio_error,
 )
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 
@@ -277,3 +278,46 @@ def test_equal_evidence_is_equal_probability_and_the_threshold_is_even_odds():
 def test_what_cannot_be_simulated_has_no_probability():
     np.testing.assert_allclose(CRITERION.probabilities([-np.inf, 3.0]), [0, 1, 0], atol=1e-12)
     np.testing.assert_allclose(CRITERION.probabilities([np.inf, np.inf]), [1, 0, 0], atol=1e-12)
+
+
+def by_windows(squares):
+    """Return what a hypothesis leaves of one output, window by window of a hundred samples."""
+    squares = np.asarray(squares, dtype=float)
+    windows = residuals(squares.sum(), 100.0 * squares.size)
+    return HeldOut(windows, windows, 0.0, squares[:, None, None])
+
+
+left = st.lists(st.tuples(st.floats(50, 500), st.floats(50, 500)), min_size=2, max_size=30)
+
+
+@given(left, st.floats(1.0, 10.0))
+def test_rivals_are_told_apart_the_same_in_either_order(squares, overdispersion):
+    one, other = map(by_windows, zip(*squares, strict=True))
+    there, back = (
+        CRITERION.separation(*pair, overdispersion) for pair in ((one, other), (other, one))
+    )
+    assert there == pytest.approx(-back)
+    assert there * CRITERION.evidence(one, other) >= 0.0
+    assert abs(there) <= abs(CRITERION.evidence(one, other)) / overdispersion * (1 + 1e-12)
+
+
+def test_what_one_window_decides_separates_nothing():
+    alike = by_windows([200, 100, 100, 100, 100, 100])
+    assert CRITERION.separation(by_windows([100, 130, 100, 100, 100, 100]), alike, 1.0) == 0.0
+    everywhere = by_windows([160, 130, 140, 150, 135, 145])
+    assert CRITERION.separation(everywhere, by_windows([100] * 6), 1.0) > CRITERION.to_refute
+
+
+def test_the_error_of_a_ratio_is_that_of_its_repetitions():
+    """Two hypotheses whose errors are as large: only chance prefers one."""
+    rng, ratios, errors = np.random.default_rng(0), [], []
+    for _ in range(400):
+        pair = [by_windows(rng.chisquare(20, 50)) for _ in range(2)]
+        ratios.append(CRITERION.evidence(*pair))
+        errors.append(ratio_error(*pair))
+    assert np.std(ratios) == pytest.approx(np.mean(errors), rel=0.1)
+
+
+def test_the_improbable_is_no_rival():
+    rivals = [("near", 1.0), ("far", 4.7), ("same", 0.0)]
+    assert CRITERION.probable(rivals, 50.0) == [("same", 0.0), ("near", 1.0)]

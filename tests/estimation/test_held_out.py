@@ -466,6 +466,5 @@ def test_the_interval_of_the_gain_resamples_windows_and_not_their_blocks(monkeyp
         white_squares=lambda trial: np.zeros(1),
     )
     monkeypatch.setattr("sklearn_pgnn.diagnosis.result.block_squares", lambda *_: before)
-    result = SimpleNamespace(base=None, final=None)
-    gain = measure_gain(fitter, result, 0)["v"]
+    gain = measure_gain(fitter, {"refitted": None, "extended": None}, 0)["v"]
     assert gain.low == pytest.approx(gain.explained_share) == gain.high

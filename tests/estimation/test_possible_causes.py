@@ -8,6 +8,7 @@ from sklearn_pgnn.estimation.possible_causes import (
     possible_causes,
     warn_of_taken_names,
 )
+from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.exceptions import OptionError
 
 pytestmark = pytest.mark.core
@@ -65,3 +66,12 @@ def test_an_extended_model_uses_no_name_otherwise(kind, recwarn):
     model, target = next((model, t) for model in models for t in kind.targets(model))
     warn_of_taken_names(model + kind(target), effects.CATALOGUE)
     assert not recwarn
+
+
+def test_where_the_time_is_up_the_rest_of_the_catalogue_is_not_listed():
+    whole = possible_causes(OVEN, effects.CATALOGUE)
+    left = iter([False] * 5)
+    some = possible_causes(OVEN, effects.CATALOGUE, each_step=lambda: next(left, True))
+    assert 0 < len(some) < len(whole)
+    assert some == whole[: len(some)]
+    assert len(same_causes(OVEN, whole, lambda: True)) == 0

@@ -113,7 +113,7 @@ def test_halving_search_by_samples_is_refused_not_misread(golf):
         random_state=0,
         error_score="raise",
     )
-    with pytest.raises(RecordError, match="time does not increase inside trajectory"):
+    with pytest.raises(RecordError, match="HalvingBayesSearchCV for HalvingGridSearchCV"):
         search.fit(X, y)
 
 

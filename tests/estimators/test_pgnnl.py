@@ -328,7 +328,7 @@ def test_plain_network_of_a_machine():
         ({"structure": "correction"}, r"structure='correction' needs a model, got none. Remedy"),
         ({"guide": "step"}, r"guide='step' needs a model, got none. Remedy"),
         ({"states": ["x", "v", "t"]}, r"states: expected 1 outputs, or 2 outputs and rates, got 3"),
-        ({"states": ["x", "w"]}, r"states: X has no column 'w'"),
+        ({"states": ["x", "w"]}, r"states: X has no column 'w'.* Remedy: leave 'states' out"),
         ({"lambda_phy": 0.5}, r"physics_loss: expected a model, got none. Remedy: give model=, or"),
         (
             {"time_column": "clock"},
@@ -339,6 +339,14 @@ def test_plain_network_of_a_machine():
 def test_plain_network_that_cannot_be(options, message):
     with pytest.raises(ValueError, match=message):
         PGNNLRegressor(**options).fit(X, Y)
+
+
+def test_plain_network_of_outputs_alone():
+    given, both = X[["trajectory", "t", "force"]], np.column_stack([Y, X["v"]])
+    for y in (Y, both):
+        plain = PGNNLRegressor(max_epochs=20, refine_max_iter=20, module__neurons=4)
+        assert plain.fit(given, y).score(given, y) > 0.5
+        assert len(plain.model_.states) == 2 * np.atleast_2d(y.T).shape[0]
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import sklearn_pgnn
 from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor, systems
 from sklearn_pgnn.estimators.parameter_search import find_parameters
-from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning
+from sklearn_pgnn.exceptions import FitWarning, RecordWarning, SimulationWarning
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.trajectories import read_records
@@ -244,7 +244,7 @@ def test_what_the_records_cannot_fix_is_named():
     u = np.sign(np.sin(0.7 * t)) + np.sin(2.3 * t)
     w = motor.with_parameters(K=0.55).simulate(t, u).y
     w = w + 1e-3 * np.random.default_rng(0).standard_normal(w.shape)
-    with pytest.warns(UserWarning, match="the records do not determine K, F, J: other values fit"):
+    with pytest.warns(FitWarning, match="the records do not determine K, F, J: other values"):
         regressor = PhysicsModelRegressor(motor).fit(np.column_stack([t, u]), w)
     assert all(np.isinf(each.high - each.low) for each in regressor.parameters_.values())
     values = {name: each.value for name, each in regressor.parameters_.items()}

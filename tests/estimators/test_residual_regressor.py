@@ -16,6 +16,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import sklearn_pgnn
@@ -211,13 +212,17 @@ def test_regressor_is_cloned_and_draws_by_its_own_seed():
     assert not np.array_equal(first.predict(NEW), other.predict(NEW))
 
 
-def test_several_outputs_need_a_regressor_of_several():
+@pytest.mark.parametrize("behind", ["passthrough", StandardScaler()])
+def test_a_regressor_of_one_output_is_fitted_per_output(behind):
     both = np.column_stack([Y, X["v"]])
-    boosting = GradientBoostingRegressor(n_estimators=5)
-    with pytest.raises(ValueError, match="y should be a 1d array"):
-        ResidualRegressor(BOTH, boosting).fit(X, both)
-    found = ResidualRegressor(BOTH, MultiOutputRegressor(boosting)).fit(X, both).predict(NEW)
-    assert found.shape == (len(NEW), 2)
+    boosting = make_pipeline(behind, GradientBoostingRegressor(n_estimators=5, random_state=0))
+    fitted = ResidualRegressor(BOTH, boosting).fit(X, both)
+    wrapped = ResidualRegressor(BOTH, MultiOutputRegressor(boosting)).fit(X, both)
+    assert np.array_equal(fitted.predict(NEW), wrapped.predict(NEW))
+    assert fitted.predict(NEW).shape == (len(NEW), 2)
+    assert len(fitted.regressor_.estimators_) == 2
+    forest = RandomForestRegressor(2, random_state=0)
+    assert isinstance(ResidualRegressor(BOTH, forest).fit(X, both).regressor_, type(forest))
 
 
 def test_extended_form_learns_what_the_error_alone_cannot_tell():

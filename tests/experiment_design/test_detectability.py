@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+import sklearn_pgnn.experiment_design.detectability as detectability_module
 import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
@@ -16,6 +17,7 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood
 from sklearn_pgnn.experiment_design.power import Noise, PowerAnalysis, strength_along
 from sklearn_pgnn.experiment_design.simulate_records import inject
 from sklearn_pgnn.inspection import DetectabilityDisplay
+from sklearn_pgnn.inspection.least_size import least_size
 
 TRIED = (effects.CoulombFriction, effects.InputDeadZone, effects.InputDelay)
 
@@ -321,3 +323,18 @@ def test_joblib_sees_that_an_analysis_holds_records(diagnosis):
     assert sys.getsizeof(analysis) > records.windows.t.nbytes + records.windows.y.nbytes
     sizeof = pytest.importorskip("dask.sizeof").sizeof
     assert sizeof(analysis) > 1e3  # what joblib sends to a cluster once is larger
+
+
+@pytest.mark.parametrize(("powers", "told", "is_least"), [
+    ({1.0: 1.0, 0.1: 1.0, 0.01: 1.0}, True, True),
+    ({1.0: 1.0, 0.1: 1.0, 0.01: 0.2}, True, False),
+    ({1.0: 0.3, 0.1: 0.1, 0.01: 0.0}, False, False),
+])  # fmt: skip
+def test_of_sizes_below_the_smallest_tried_nothing_is_said(diagnosis, powers, told, is_least):
+    cause = effects.CoulombFriction("v")
+    analysis = PowerAnalysis(diagnosis.records_, True, SelectionCriterion(0.01, 0.05, 1), 10, 0)
+    row = detectability_module._Sizes(analysis, cause).described(powers, 0.9)
+    assert (row.smallest > 0) == told
+    assert row.is_least_tried == is_least
+    assert "however small" not in row.reason
+    assert ("smallest tried" in least_size(row)) == is_least

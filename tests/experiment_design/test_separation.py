@@ -74,6 +74,15 @@ def test_a_biased_sensor_is_a_load_unless_it_moves_a_kink(friction):
     assert are_equivalent(wheel, bias, load, retuned=False) is not friction
 
 
+def test_a_gain_of_sensor_or_input_is_the_same_beside_friction():
+    """Dry friction keeps its sign in any unit, and its level is fitted anew."""
+    motor = PhysicsModel({"w": "1/s"}, {"w": "u - w"}, inputs={"u": "V"}, outputs={"y": "w"})
+    rubbing = motor + effects.CoulombFriction("w", level=0.3)
+    gains = effects.SensorGain("y"), effects.InputGain("u")
+    assert are_equivalent(rubbing, *gains, retuned=False, beside=("Fc_w",))
+    assert not are_equivalent(rubbing, *gains, retuned=False)
+
+
 def test_two_parameters_that_the_equations_tell_apart_are_not_the_same():
     golf = systems.golf_robot()
     wrong = effects.WrongParameter

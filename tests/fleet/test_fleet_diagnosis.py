@@ -18,7 +18,7 @@ from sklearn.base import clone
 from sledge import SLEDGE, drive
 
 import sklearn_pgnn
-from sklearn_pgnn import FleetDiagnosis, ModelDiagnosis, effects
+from sklearn_pgnn import FleetDiagnosis, ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT, SUMMARY
@@ -255,3 +255,37 @@ def test_a_fit_that_was_killed_goes_on(tmp_path):
     assert len(kept) >= 2
     assert set(fleet.computed_) == {str(k) for k in range(6)} - set(kept)
     assert [*map(str, range(6))] == sorted(fleet.machines_)
+
+
+@pytest.mark.slow
+def test_a_machine_with_a_cause_is_told_when_its_parameter_is_unlike_the_others(tmp_path):
+    rng = np.random.default_rng(3)
+    fan = PhysicsModel(
+        {"v": "m/s"},
+        {"v": "(K*u - d*v)/m"},
+        {
+            "m": {"value": 2.0, "unit": "kg", "fixed": True},
+            "d": {"value": 0.5, "unit": "N s/m"},
+            "K": {"value": 1.0, "unit": "N/V"},
+        },
+        {"u": "V"},
+        inertia={"v": "m"},
+    )
+    t = np.arange(0, 30, 0.02)
+    u = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+    rigs = dict.fromkeys("abd", fan)
+    rigs["c"] = fan.with_parameters(K=1.54) + effects.CoulombFriction("v", level=0.3)
+
+    def records(rig):
+        v = rig.simulate(t, u, substeps=5).y
+        return np.column_stack([t, u]), v + 1e-3 * rng.normal(size=v.shape)
+
+    options = {"catalogue": ["coulomb_friction", "wrong_parameter"], "window_length": 1.0}
+    fleet = FleetDiagnosis(fan, options=options).fit({n: records(r) for n, r in rigs.items()})
+    assert "Coulomb friction on v" in fleet.to_frame().set_index("machine").loc["c", "causes"]
+    assert list(fleet.parameters_["K"].odd) == ["c"]
+    assert fleet.parameters_["d"].odd == {}
+    fleet.to_html(tmp_path / "fleet.html")
+    page = (tmp_path / "fleet.html").read_text(encoding="utf-8")
+    assert "usually 1" in page
+    assert "the same on all but c" in page

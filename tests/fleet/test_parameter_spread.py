@@ -41,8 +41,32 @@ def test_many_odd_machines_do_not_hide_each_other():
     assert set(found.odd) == {f"m{k}" for k in range(10)}
 
 
-def test_few_machines_have_no_odd_one():
-    assert spread_of("m", estimates([1.0, 1.0, 9.0], 0.01), 0.01).odd == {}
+@pytest.mark.parametrize("n", [4, 5, 6, 9])
+def test_one_of_few_machines_that_differs_by_half_is_odd(n):
+    rng = np.random.default_rng(n)
+    for size in 10.0 ** rng.uniform(-3, 3, 20):
+        values = size * (1.0 + 0.003 * rng.normal(size=n))
+        which = rng.integers(n)
+        values[which] *= 1.54
+        found = spread_of("K", estimates(values, 0.003 * size), 0.01)
+        assert list(found.odd) == [f"m{which}"]
+        assert found.shared  # by the others
+        assert found.odd[f"m{which}"] < 0.01
+
+
+@pytest.mark.parametrize("between", [0.0, 0.05])
+def test_few_machines_that_are_alike_have_no_odd_one(between):
+    rng, odd = np.random.default_rng(0), 0
+    for n in rng.integers(2, 9, 300).tolist():
+        values = 1.0 + between * rng.normal(size=n) + 0.01 * rng.normal(size=n)
+        odd += bool(spread_of("m", estimates(values, 0.01), 0.01).odd)
+    assert odd <= 8  # 3 are expected at most
+
+
+def test_of_two_machines_none_is_odd_and_of_three_only_one_that_is_far_off():
+    assert spread_of("m", estimates([1.0, 9.0], 0.01), 0.01).odd == {}
+    assert spread_of("m", estimates([1.0, 1.0, 1.3], 0.01), 0.01).odd == {}
+    assert list(spread_of("m", estimates([1.0, 1.0, 9.0], 0.01), 0.01).odd) == ["m2"]
 
 
 def test_an_open_interval_is_neither_odd_nor_counted():

@@ -143,3 +143,30 @@ def test_folders_are_compared_on_the_command_line(before, after, tmp_path):
     data = json.loads(CliRunner().invoke(main, [*args, "--json"]).stdout)
     assert data["names"] == ["old", "new"]
     assert len(data["differences"]) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("longer", "is_told"), [(1.0, True), (1.02, True), (1.4, False), (12, False)]
+)
+def test_errors_over_windows_of_different_length_are_not_set_side_by_side(before, longer, is_told):
+    other = {**before, "window": longer * before["window"]}
+    found = compare(before, other, names=("one", "two"))
+    titles = [table.title for table in found.tables]
+    free = next(table for table in found.tables if "free run" in table.title)
+    assert any("held-out windows" in title for title in titles) == is_told
+    assert ("not comparable" in free.title) != is_told
+    cell = next(row[1] for row in free.rows if row[0] == "v, extended")
+    assert float(cell.split()[0]) == pytest.approx(before["free_run"]["v"]["extended"], rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_formula_is_compared(before):
+    part = {"target": "v", "formula": "-38.5*sign(v) - 17.6*cos(x)"}
+    with_formula = {**before, "unexplained": part}
+    found = compare(before, with_formula)
+    assert "Formula: none in A; −38.5·sign(v) − 17.6·cos(x) in v in B." in found.differences
+    assert "−38.5·sign(v) − 17.6·cos(x) in v" in found.to_text()
+    assert "v, with formula" in found.to_text()
+    retuned = {**before, "unexplained": {**part, "formula": "-38.1*sign(v) - 17.9*cos(x)"}}
+    assert not any("Formula" in said for said in compare(with_formula, retuned).differences)

@@ -1,6 +1,7 @@
 """A first look at a model and records: what is there, and what looks wrong."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from rough_sledge import rough_sledge
 from sledge import NOISE, SLEDGE, drive
@@ -42,12 +43,17 @@ def test_a_gap_is_told_with_its_place():
     assert "Remedy: " in said
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1e-2, 3.6, 100, 1000])
+def test_a_speed_in_kilometres_per_hour_is_recognised():
+    X, y = drive(SLEDGE)
+    (said,) = first_look(SLEDGE, X, 3.6 * y).warnings
+    assert 'columns: {v: "v [km/h]"}' in said
+
+
+@pytest.mark.parametrize("scale", [1e-3, 100, 1000])
 def test_another_unit_is_recognised_though_the_model_misses_something(scale):
     _, X, y = rough_sledge()
-    known = scale != 1e-2
-    said = first_look(SLEDGE, X, scale * y).warnings
-    assert any("times what the model simulates" in text for text in said) == known
+    (said,) = first_look(SLEDGE, X, scale * y).warnings
+    assert f"factor {scale:g} on v" in said
 
 
 @pytest.mark.parametrize("system", [systems.cart_on_spring, systems.two_tanks])
@@ -57,7 +63,7 @@ def test_a_gain_that_is_no_unit_is_not_taken_for_one(system):
     u = 3 + np.sin(0.5 * t) + 0.5 * np.sin(1.7 * t)
     run = model.simulate(t, u, substeps=4).y
     y = run.mean() + 1.4 * (run - run.mean())
-    assert not any("times what" in text for text in first_look(model, np.c_[t, u], y).warnings)
+    assert not any("follows" in text for text in first_look(model, np.c_[t, u], y).warnings)
 
 
 def test_a_run_that_diverges_is_said_so():
@@ -75,13 +81,6 @@ def test_the_record_that_the_model_does_not_follow_is_seen():
     assert bad.fit["v"] < 0
 
 
-def test_a_unit_is_asked_for_though_the_model_follows_nothing():
-    X, y = drive(SLEDGE)
-    (said,) = first_look(SLEDGE, X, 300 * y.iloc[::-1].reset_index(drop=True)).warnings
-    assert "is it recorded in mm/s?" in said
-    assert 'columns: {v: "v [mm/s]"}' in said
-
-
 @pytest.mark.parametrize(("unit", "second"), [("ms", 1e-3), ("min", 60.0)])
 def test_a_time_in_another_unit_is_recognised(unit, second):
     X, y = drive(SLEDGE)
@@ -90,10 +89,26 @@ def test_a_time_in_another_unit_is_recognised(unit, second):
     assert f'columns: {{t: "t [{unit}]"}}' in said
 
 
+def test_a_reversed_sensor_is_said_with_the_line_to_write():
+    X, y = drive(SLEDGE)
+    (said,) = first_look(SLEDGE, X, -y).warnings
+    assert said.startswith("the model follows the records with reversed polarity of v (as well ")
+    assert 'Remedy: if that is so, write outputs: {v: "-v"} in the model file' in said
+
+
+def test_a_record_that_is_given_twice_is_told():
+    X, y = drive(SLEDGE, n_records=2)
+    again = X[X["trajectory"] == X["trajectory"].iloc[0]].assign(trajectory="again")
+    twice = pd.concat([X, again], ignore_index=True)
+    (said,) = first_look(SLEDGE, twice, pd.concat([y, y.loc[again.index]])).warnings
+    assert said.startswith("record 'again' has the same values as")
+    assert "Remedy: give every record once" in said
+
+
 def test_a_file_is_said_to_be_in_a_unit_that_exists():
     X, y = drive(SLEDGE)
     model = SLEDGE.replace(states={"v": "mm/s"})
-    assert "as if it were recorded in m/s" in first_look(model, X, 1e-3 * y).warnings[0]
+    assert 'columns: {v: "v [m/s]"}' in first_look(model, X, 1e-3 * y).warnings[0]
 
 
 def test_a_run_that_diverges_tells_nothing_of_units():

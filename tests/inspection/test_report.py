@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
-from sklearn_pgnn.diagnosis import Remaining, Rival, Tried
+from sklearn_pgnn.diagnosis import Remaining, Rival, Structure, Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
 from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.case import make_case
@@ -178,7 +178,7 @@ def test_how_sure_a_cause_is_and_what_is_left_are_said(friction):
     changed = copy(friction)
     rival = Rival("input_bias", "F", 0.125)
     changed.causes_ = (replace(friction.causes_[0], probability=0.875, confused_with=(rival,)),)
-    changed.remaining_ = Remaining("structure", {"position": 3.0}, ("v",))
+    changed.remaining_ = Remaining("structure", {"position": 3.0}, Structure("v", 0.9, 0.0, ("v",)))
     gain = friction.gain_["position"]
     changed.gain_ = {"position": replace(gain, extended=3.0 * gain.noise)}
     text = " ".join(re.sub(r"<[^>]+>", "", render_report(changed)).split())

@@ -1,38 +1,41 @@
 """The verdict in words."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 
 from sklearn_pgnn import systems
+from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.inspection import words
-
-
-@pytest.mark.parametrize(
-    ("much", "title"), [(True, "No cause found"), (False, "Model adequate")], ids=["much", "noise"]
-)
-def test_a_model_that_leaves_many_times_the_noise_is_not_titled_adequate(monkeypatch, much, title):
-    monkeypatch.setattr(words, "leaves_much", lambda diagnosis: much)
-    nothing = SimpleNamespace(complete_=True, verdict_="model_adequate")
-    assert words.verdict_title(nothing) == title
 
 
 def test_that_no_cause_acts_is_one_of_the_answers():
     rival = SimpleNamespace(effect="coulomb_friction", target="v", probability=0.05)
     cause = SimpleNamespace(probability=0.5, confused_with=(rival,))
-    assert words.rivals(cause) == "Coulomb friction on v (5 %) and none of these (45 %)"
+    assert words.rivals(cause) == f"Coulomb friction on v (5 %) and {words.UNNAMED} (45 %)"
     cause.probability = 0.949
     assert words.rivals(cause) == "Coulomb friction on v (5 %)"
     cause.confused_with = ()
+    assert words.rivals(cause) == f"{words.UNNAMED} (5 %)"
+    cause.probability = 0.999
     assert words.rivals(cause) == ""
+
+
+def test_a_rival_of_a_provisional_cause_has_no_probability():
+    rival = SimpleNamespace(effect="coulomb_friction", target="v", probability=math.nan)
+    cause = SimpleNamespace(probability=math.nan, confused_with=(rival,))
+    assert words.rivals(cause) == "Coulomb friction on v (not tested)"
 
 
 @pytest.mark.parametrize("part", [None, "a formula that leaves less"])
 def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, part):
     errors = {"x": SimpleNamespace(extended=4.56)}
     monkeypatch.setattr(words, "over_windows", lambda _: errors)
-    left = SimpleNamespace(kind="structure", depends_on=("v",))
-    said = words.remaining_sentence(SimpleNamespace(remaining_=left, discrepancy_=part))
+    left = SimpleNamespace(kind="structure", law=Structure("v", 0.9))
+    model = systems.cart_on_spring()
+    found = SimpleNamespace(remaining_=left, discrepancy_=part, model=model)
+    said = words.remaining_sentence(found)
     assert said.startswith("What is left without the formula is structure (4.56 ×") == bool(part)
     assert said.startswith("What is left is structure (4.56 ×") != bool(part)
 
@@ -41,9 +44,8 @@ def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, p
 def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch, outputs):
     errors = {output: SimpleNamespace(prior=2.0, refitted=1.5) for output in outputs}
     monkeypatch.setattr(words, "over_windows", lambda _: errors)
-    monkeypatch.setattr(words, "leaves_much", lambda _: False)
     monkeypatch.setattr(words, "is_adequate_as_given", lambda _: False)
-    said = words._adequate(SimpleNamespace(model=systems.cart_on_spring()))
+    said = words._is_adequate(SimpleNamespace(model=systems.cart_on_spring(), complete_=True))
     one = "it leaves 1.50 × the noise (as given 2.00 ×). No"
     two = (
         "it leaves 1.50 × the noise of x (as given 2.00 ×) and 1.50 × the noise of v (as given "

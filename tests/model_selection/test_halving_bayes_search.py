@@ -1,6 +1,7 @@
 """A search that stops candidates by their first folds finds what the whole search finds."""
 
 import pickle
+import re
 import warnings
 from typing import ClassVar
 
@@ -142,6 +143,8 @@ def test_progress_is_shown(capsys):
         "[HalvingBayesSearchCV] candidate 1 of 2",
         "[HalvingBayesSearchCV] candidate 2 of 2",
     ]
+    told = r"alpha=\S+; score [-\d.]+ over \d of \d folds, [\d.]+ s; best [-\d.]+$"
+    assert all(re.search(told, line) for line in lines)
 
 
 class Named(RegressorMixin, BaseEstimator):

@@ -1,6 +1,8 @@
 """model_selection: splits by whole trajectories, search spaces, and the Pareto front."""
 
+import re
 import sys
+import warnings
 from itertools import chain
 
 import joblib
@@ -21,6 +23,7 @@ from skopt.space import Categorical, Integer, Real
 
 from sklearn_pgnn import GreyBoxRegressor, PhysicsModelTransformer, datasets, systems
 from sklearn_pgnn.estimators.residual_regressor import ResidualRegressor
+from sklearn_pgnn.exceptions import ModelWarning
 from sklearn_pgnn.model_selection import (
     TrajectoryKFold,
     pareto_front,
@@ -376,6 +379,20 @@ def test_what_an_estimator_lacks_or_settles_is_not_searched(network, missing):
     assert set(search_space(Network(GOLF))) - set(search_space(network)) == missing
 
 
+@pytest.mark.parametrize(
+    ("model", "why"), [(None, "there is no model"), (GOLF.replace(energy={}), "has no energy")]
+)
+def test_a_weight_of_no_physical_loss_is_left_out_with_a_word(model, why):
+    pipeline = make_pipeline(StandardScaler(), Network(model))
+    with pytest.warns(ModelWarning, match=rf"network__lambda_phy: left out .*{why}.*Remedy: 'en"):
+        assert "network__lambda_phy" not in search_space(pipeline)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        search_space(pipeline, lambda_phy=None)
+        search_space(make_pipeline(StandardScaler(), Network(GOLF)))
+        search_space(Network(model, physics_loss="own"))
+
+
 def test_a_structure_that_is_settled_may_be_left_out_or_searched_all_the_same():
     pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Network(GOLF, structure="dissipative"))
     assert "network__structure" not in search_space(pipeline, structure=None)
@@ -482,12 +499,13 @@ def test_bayesian_search_may_choose_no_physical_loss(capsys):
     keep = dict.fromkeys(["neurons", "layers", "lr", "structure", "horizon"])
     search = BayesSearchCV(
         Network(GOLF), search_space(Network(GOLF), **keep), n_iter=12, cv=TrajectoryKFold(3),
-        random_state=0, verbose=1,
+        random_state=0, verbose=3,
     ).fit(X, 2.0 * X["u"])  # fmt: skip
     tried = {candidate["lambda_phy"] for candidate in search.cv_results_["params"]}
     assert {0.0, 0.9} <= tried
     assert search.best_params_ == {"lambda_phy": 0.0}  # 1 - lambda scales what is exact
-    assert capsys.readouterr().out.count("Fitting 3 folds") == 12  # a line for every candidate
+    lines = re.findall(r"END .*lambda_phy=0.*score=[-\d]", capsys.readouterr().out)
+    assert len(lines) == 3 * 12  # parameters and score of every candidate in every fold
 
 
 def test_bayesian_search_takes_every_dimension_of_a_network():

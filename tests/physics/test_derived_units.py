@@ -1,5 +1,6 @@
 """Units that follow from others agree with what pint makes of them."""
 
+import pint
 import pytest
 
 from sklearn_pgnn import PhysicsModel, systems
@@ -12,7 +13,6 @@ SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "km/h": 1 / 3.6}
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize(("mass", "kilograms"), [("kg", 1.0), ("t", 1e3)])
 def test_a_force_is_the_inertia_times_the_rate(speed, mass, kilograms):
-    pint = pytest.importorskip("pint")
     registry = pint.UnitRegistry()
     said = registry.Quantity(1.0, force_unit(mass, speed)).to("N").magnitude
     assert said == pytest.approx(kilograms * SPEEDS[speed])
@@ -20,7 +20,6 @@ def test_a_force_is_the_inertia_times_the_rate(speed, mass, kilograms):
 
 @pytest.mark.parametrize("speed", ["rpm", "deg/s", "rad/s", "1/s"])
 def test_a_torque_is_the_inertia_times_the_rate(speed):
-    pint = pytest.importorskip("pint")
     registry = pint.UnitRegistry()
     said = registry.Quantity(1.0, force_unit("kg m^2", speed).replace(" ", "*"))
     angle = registry.Quantity(1.0, {"1/s": "rad/s"}.get(speed, speed))

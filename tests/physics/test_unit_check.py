@@ -9,8 +9,6 @@ from sklearn_pgnn.exceptions import UnitWarning
 from sklearn_pgnn.physics.unit_check import check_units, output_measure
 from sklearn_pgnn.physics.units import read_unit
 
-pytest.importorskip("pint")
-
 SYSTEMS = [getattr(systems, name) for name in systems.__all__]
 
 

@@ -10,10 +10,10 @@ from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
 from sklearn_pgnn.record_quality.drift import find_uneven_noise
 from sklearn_pgnn.record_quality.excitation import find_first_steps
-from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.quantisation import find_quantisation
 from sklearn_pgnn.record_quality.signals import Signal
 from sklearn_pgnn.record_quality.single_samples import find_held_samples, find_outliers
+from sklearn_pgnn.trajectories.grid import grid_step
 
 
 def signal(*pieces, dt=0.01):
@@ -33,6 +33,22 @@ def test_rest_before_and_after_a_noisy_motion_is_no_clipping():
     assert find_clipping(signal(np.concatenate([np.zeros(40), speed, np.zeros(40)]))) is None
     cut = np.where(np.arange(400) // 40 % 3 == 1, speed.max(), speed)
     assert find_clipping(signal(cut)) is not None
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_record_that_lacks_the_output_changes_nothing():
+    rng, t = np.random.default_rng(0), 0.01 * np.arange(800)
+    loud, quiet = (np.sin(3 * t) + noise * rng.standard_normal(t.size) for noise in (0.1, 0.01))
+    whole, lacking = signal(loud, quiet), signal(loud, np.full(800, np.nan), quiet)
+    assert whole.noisy
+    assert lacking.noisy
+    found = find_uneven_noise(lacking)
+    assert found.value == find_uneven_noise(whole).value
+    assert "in record 0 and" in found.text
+    assert found.text.endswith("in record 2")
+    for check in (find_clipping, find_quantisation, find_held_samples):
+        assert (check(lacking) is None) == (check(whole) is None)
+    assert not signal(np.full(800, np.nan)).noisy
 
 
 @pytest.mark.slow
@@ -137,6 +153,85 @@ def test_samples_held_for_longer_are_counted():
     for start in range(100, 3000, 200):
         y[start : start + 4] = y[start - 1]
     assert find_held_samples(signal(y)).value == pytest.approx(60, abs=20)
+
+
+def stop_and_go(rng, t):
+    """A geared motor under steps of voltage: below a voltage it stands still."""
+    volt, speed, turned = np.repeat(rng.normal(size=t.size // 50 + 1), 50)[: t.size], 0.0, 0.0
+    level, lag, gain = rng.uniform(0.2, 0.8), rng.uniform(0.02, 0.3), rng.uniform(0.5, 20)
+    angle, dt = np.empty(t.size), t[1]
+    for k, u in enumerate(volt):
+        angle[k] = turned
+        side = np.sign(speed) if speed else np.sign(u) * (abs(u) > level)
+        after = speed + dt * (gain * (u * bool(side) - level * side) - speed) / lag
+        speed = 0.0 if speed * after < 0 else after
+        turned += dt * speed
+    return angle
+
+
+def turning(rng, t):
+    """An angle: a swing that dies away, stop and go, a slow motion with rests, waves, a step."""
+    rests = np.repeat(rng.uniform(size=t.size // 100 + 1) > 0.4, 100)[: t.size]
+    pace = lfilter([0.1], [1, -0.9], rests * np.repeat(rng.normal(size=20), 80)[: t.size])
+    late, w = np.maximum(t - t[t.size // 4], 0), rng.uniform(1, 8)
+    return [
+        rng.uniform(0.2, 3) * np.exp(-rng.uniform(0.005, 0.1) * w * t) * np.cos(w * t),
+        stop_and_go(rng, t),
+        np.cumsum(pace) * t[1] * 10 ** rng.uniform(-2, 0),
+        np.sin(np.outer(t, rng.uniform(0.2, 6, 3)) + rng.uniform(0, 6, 3)).sum(axis=1),
+        1 - np.exp(-2 * w * late) * (1 + 2 * w * late),
+    ][rng.integers(5)]
+
+
+def encoder(seed):
+    """Two records of an encoder of 100 to 10 000 counts a turn, and what a right model leaves."""
+    rng = np.random.default_rng(seed)
+    step, dt = 2 * np.pi / 10 ** rng.uniform(2, 4), 10 ** rng.uniform(-3, -1)
+    noise, decimals, zero = rng.choice([0, 0.05, 0.2, 0.5, 1.5]), rng.choice([5, 12]), rng.uniform()
+    angles = [turning(rng, dt * np.arange(rng.integers(300, 1200))) for _ in range(2)]
+    counts = [np.floor(a / step + zero + noise * rng.standard_normal(a.size)) for a in angles]
+    read = [np.round(step * each, decimals) for each in counts]
+    left = [y - angle for y, angle in zip(read, angles, strict=True)]
+    return signal(*read, dt=dt), signal(*left, dt=dt), step
+
+
+@pytest.mark.slow
+def test_coarse_encoders_have_no_faults_at_rest_or_in_slow_motion():
+    """Of every check at most one in a thousand speaks up; a faultless 600 have one at most."""
+    spoke = dict.fromkeys(("clipping", "dropped samples", "outliers", "drift between records"), 0)
+    for seed in range(600):
+        y, left, _ = encoder(seed)
+        if not all(y.is_still):
+            found = (find_clipping(y), find_held_samples(y), find_uneven_noise(y))
+            for finding in filter(None, (*found, find_outliers(y, left))):
+                spoke[finding.kind] += 1
+    assert max(spoke.values()) <= 1, spoke
+
+
+@pytest.mark.slow
+def test_real_faults_of_coarse_encoders_are_found():
+    """Beside waves that leave no doubt: a cut, single far samples, and values that were held."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        step, t = 2 * np.pi / 10 ** rng.uniform(2.5, 4), 0.01 * np.arange(1200)
+        angle = 2 * np.sin(rng.uniform(2, 4) * t) + np.sin(rng.uniform(5, 7) * t)
+        y = np.round(step * np.floor(angle / step), 6)
+        assert find_clipping(signal(np.minimum(y, y[np.argsort(y)[900]]))) is not None
+        far = y.copy()
+        far[[200, 700]] += [40 * step, -40 * step]
+        assert find_outliers(signal(far), signal(far - angle)).value == 2
+        held = y.copy()
+        held[50::50] = held[49:-1:50]
+        assert find_held_samples(signal(held)).value >= 8
+
+
+@pytest.mark.parametrize("decimals", [5, 12])
+def test_the_step_of_an_encoder_is_found_in_any_decimals(decimals):
+    for seed in range(40):
+        y, _, step = encoder(seed)
+        if min(np.unique(piece).size for piece in y.pieces) > 100:
+            rounded = [np.round(step * np.rint(piece / step), decimals) for piece in y.pieces]
+            assert signal(*rounded).resolution == pytest.approx(step, rel=0.01)
 
 
 @pytest.mark.slow

@@ -511,6 +511,18 @@ def test_windows_give_the_same_on_several_threads():
     assert np.array_equal(one.residual, three.residual)
 
 
+def test_a_fit_that_is_told_to_end_keeps_its_steps():
+    """Two steps from values that are near bring it most of the way."""
+    _, windowed = windowed_records(PENDULUM)
+    estimate, told = windowed.states.estimate(PENDULUM), []
+    free = (ParameterPrior("k", 1.0, 3.0, 2.4, np.inf, 1.0),)
+    given = windowed.windows, free, estimate.x[windowed.windows.starts], estimate.spread
+    whole, none = fit_windows(PENDULUM, *given), fit_windows(PENDULUM, *given, max_steps=0)
+    ended = fit_windows(PENDULUM, *given, each_step=lambda: told.append(1) or True)
+    assert len(told) == 1 + 3  # before the start is evaluated, before two steps, and at the end
+    assert ended.objective - whole.objective < 0.1 * (none.objective - whole.objective)
+
+
 def test_fit_respects_bounds():
     _, windowed = windowed_records(PENDULUM)
     estimate = windowed.states.estimate(PENDULUM)

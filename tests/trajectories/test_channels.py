@@ -127,6 +127,14 @@ def test_channels_that_never_meet_are_refused():
 def test_a_channel_without_samples_or_with_a_broken_clock_is_refused():
     with pytest.raises(RecordError, match=r"channel 'y': expected samples, got none"):
         join({"u": wave(FAST)}, {"y": Channel(np.zeros(0), np.zeros(0))})
-    twice = Channel(np.array([0.0, 0.5, 0.5]), np.zeros(3))
-    with pytest.raises(RecordError, match=r"channel 'y': expected time to increase, got 0.5 s af"):
-        join({"u": wave(FAST)}, {"y": twice})
+    back = Channel(np.array([0.0, 0.5, 0.4]), np.zeros(3))
+    with pytest.raises(RecordError, match=r"channel 'y': expected time to increase, got 0.4 s af"):
+        join({"u": wave(FAST)}, {"y": back})
+
+
+def test_of_two_samples_of_a_channel_at_one_time_the_later_holds():
+    t = np.sort([*FAST, FAST[7]])
+    values = np.arange(t.size, dtype=float)
+    with pytest.warns(RecordWarning, match=r"'u': 1 samples have the time of the next one"):
+        table = join({"u": Channel(t, values)}, {"y": wave(FAST)})
+    np.testing.assert_array_equal(table["u"], np.delete(values, 7))

@@ -203,7 +203,7 @@ def test_no_file_is_refused():
 # -- what is refused -------------------------------------------------------------------------------
 
 GAP = "expected a number, got nothing. Remedy: fill the gap or cut the record there."
-SORT = "Remedy: sort the record, or separate several by a column 'trajectory'."
+SORT = "Remedy: sort the rows by time."
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ SORT = "Remedy: sort the record, or separate several by a column 'trajectory'."
         ("", "1: expected a CSV file, got an empty file."),
         (" \n\n", "1: expected a CSV file, got an empty file."),
         ("# nothing\n", "1: expected a header and samples, got comments only."),
-        ("a\nb\0c\n", "2: expected a CSV file (text in UTF-8), got a binary file."),
+        ("a\nb\0c\n", "2: expected a CSV file (text), got a binary file. Remedy: save it as CSV"),
         (
             "0,1,0.5\n0.1,2,0.6\n",
             "1: expected a header with the names of the columns, got '0, 1, 0.5'.",
@@ -251,7 +251,8 @@ SORT = "Remedy: sort the record, or separate several by a column 'trajectory'."
         (RUN.replace("0.2,3,0.7", "0.2"), f"4: column 'F': {GAP}"),
         (
             RUN.replace("0.2,3", "0.05,3"),
-            f"4: column 't': expected time to increase, got 0.05 after 0.1 in line 3. {SORT}",
+            f"4: column 't': expected time to increase, got 0.05 after 0.1 in line 3: the rows are "
+            f"out of order. {SORT}",
         ),
         (RUN.replace("0.2,3", "0.1,3"), "4: column 't': expected time to increase, got 0.1 after"),
         (
@@ -261,11 +262,11 @@ SORT = "Remedy: sort the record, or separate several by a column 'trajectory'."
         (RUN.replace("0.7", "0.7,9"), "4: expected 3 fields as in the header, got 4."),
         (
             "t,F,position\n0,1,\n1,1,\n2,1,nan\n3,1,\n",
-            "2: column 'position': expected a measured value, got none at all.",
+            "2: column 'position': expected a measured value, got none at all. Remedy: take",
         ),
         (
             "t,F,position,trajectory\n0,1,1,a\n1,1,1,a\n2,1,1,a\n3,1,1,a\n0,1,1,b\n2,1,1,b\n1,1,1,b\n",
-            "8: column 't': expected time to increase, got 1 after 2 in line 7.",
+            "8: column 't': expected time to increase, got 1 after 2 in line 7",
         ),
         (
             "t,F,position,trajectory\n0,1,1,a\n1,1,1,a\n2,1,1,a\n3,1,1,a\n0,1,1,b\n2,1,1,b\n3,1,1,b\n",

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
-from sklearn_pgnn.trajectories import read_csv, read_csv_files, read_file, read_files, read_records
+from sklearn_pgnn.trajectories import read_csv, read_file, read_files, read_records
 
 CART = PhysicsModel(
     name="cart",
@@ -169,11 +169,11 @@ def test_trajectories_of_dates_begin_at_zero_each(tmp_path):
 
 
 def test_time_stamps_that_stand_still_or_are_none_have_their_line(tmp_path):
-    stamps = [f"2026-01-31 12:00:0{k}" for k in (1, 2, 2, 3, 4)]
+    stamps = [f"2026-01-31 12:00:0{k}" for k in (1, 3, 2, 4, 5)]
     message = refusal(write(tmp_path, "csv", RUN.assign(t=stamps)))
     assert message.startswith(
         ":4: column 't': expected time to increase, got 2026-01-31 12:00:02 after "
-        "2026-01-31 12:00:02 in line 3. Remedy: sort"
+        "2026-01-31 12:00:03 in line 3: the rows are out of order. Remedy: sort"
     )
     stamps[2] = "half past"
     assert refusal(write(tmp_path, "csv", RUN.assign(t=stamps))) == (
@@ -196,8 +196,19 @@ def test_every_trajectory_of_a_sample_time_begins_at_zero(tmp_path):
     for read in (read_csv, read_file):
         found, _ = read(path, CART, sample_time=0.5)
         assert found["t"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0] * 2
-    found, _ = read_csv_files([path, write(tmp_path, "csv", RUN, "timed")], CART, sample_time=0.5)
-    assert found["t"].tolist()[-5:] == RUN["t"].tolist()
+
+
+def test_a_sample_time_overrides_a_time_and_says_so(tmp_path):
+    path = write(tmp_path, "csv", RUN)
+    with pytest.warns(RecordWarning, match=r"takes 2 s, by the column 't'.* 0.5 s. Remedy: leave"):
+        found, _ = read_csv(path, CART, sample_time=0.5)
+    assert found["t"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+    coarse = write(tmp_path, "csv", RUN.assign(t=["10:00:00"] * 3 + ["10:00:01"] * 2), "coarse")
+    assert "the stamps are too coarse. Remedy: log finer stamps, or give" in refusal(coarse)
+    found, _ = read_csv(coarse, CART, sample_time=0.5)
+    assert found["t"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+    backward = write(tmp_path, "csv", RUN.assign(t=[5.0, 4.0, 3.0, 2.0, 1.0]), "backward")
+    assert "the rows run backward in time" in refusal(backward, sample_time=0.5)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan, "0.1", True])
@@ -225,9 +236,9 @@ def test_the_remedy_for_a_missing_time_is_no_column_that_something_else_needs(tm
 def test_an_error_has_its_row(tmp_path, kind, place):
     path = write(tmp_path, kind, RUN.assign(force=[1.0, 2.0, np.nan, 4.0, 5.0]))
     assert refusal(path).startswith(f"{place}: column 'force': expected a number, got nothing.")
-    path = write(tmp_path, kind, RUN.assign(t=[0.0, 0.1, 0.1, 0.2, 0.3]))
+    path = write(tmp_path, kind, RUN.assign(t=[0.0, 0.1, 0.05, 0.2, 0.3]))
     message = refusal(path)
-    assert message.startswith(f"{place}: column 't': expected time to increase, got 0.1 after 0.1")
+    assert message.startswith(f"{place}: column 't': expected time to increase, got 0.05 after 0.1")
     path = write(tmp_path, kind, RUN[:3])
     assert "expected at least 4 samples in a record, got 3 in 'run'" in refusal(path)
 
@@ -237,8 +248,8 @@ def test_a_text_among_numbers_has_its_row(tmp_path, kind):
     texts = RUN.assign(force=["1", "2", "two", "4", "5"])
     row = {"parquet": 2, "excel": 4}[kind]
     assert refusal(write(tmp_path, kind, texts)) == (
-        f", row {row}: column 'force': expected a number, got 'two'. Remedy: leave the cell empty "
-        f"where nothing was measured."
+        f", row {row}: column 'force': expected a number, got 'two'. Remedy: give a number in "
+        f"every row, or cut the record there."
     )
     found, _ = read_file(write(tmp_path, kind, texts.replace("two", "3")), CART)
     assert found["F"].tolist() == RUN["force"].tolist()

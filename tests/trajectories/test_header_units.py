@@ -1,11 +1,12 @@
 """Units in the headers of files: converted, refused, or taken for a remark."""
 
 import pytest
-from blocked import run_without
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv
+
+pytestmark = pytest.mark.core
 
 MODEL = PhysicsModel(
     {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, {"speed": "v"}
@@ -28,7 +29,6 @@ def write(folder, header):
     ],
 )
 def test_a_column_is_converted_to_the_unit_of_the_model(tmp_path, header, factors):
-    pytest.importorskip("pint")
     X, y = read_csv(write(tmp_path, header), MODEL)
     time, force, speed = factors
     assert X["t"].to_numpy() == pytest.approx([0, time, 2 * time, 3 * time])
@@ -38,7 +38,6 @@ def test_a_column_is_converted_to_the_unit_of_the_model(tmp_path, header, factor
 
 @pytest.mark.parametrize("header", ["t,F [V],speed", "t,F (V),speed", "t,F [?],speed"])
 def test_a_unit_of_another_kind_is_refused(tmp_path, header):
-    pytest.importorskip("pint")
     with pytest.raises(RecordError, match=r"run.csv:1: column 'F .*expected the unit 'N'"):
         read_csv(write(tmp_path, header), MODEL)
 
@@ -49,36 +48,6 @@ def test_a_model_without_units_takes_every_column_as_it_is(tmp_path):
     assert X["F"].tolist() == [1.0] * 4
 
 
-@pytest.mark.slow
-@pytest.mark.core
-def test_without_pint_another_unit_is_refused_and_a_remark_is_warned_of(tmp_path):
-    path = write(tmp_path, "t,F [N],speed (filtered)")
-    program = f"""
-import warnings
-from sklearn_pgnn import PhysicsModel
-from sklearn_pgnn.trajectories import read_csv
-model = PhysicsModel({{"v": "m/s"}}, {{"v": "F"}}, inputs={{"F": "N"}}, outputs={{"speed": "v"}})
-with warnings.catch_warnings(record=True) as told:
-    warnings.simplefilter("always")
-    read_csv({str(path)!r}, model)
-print(told[0].message)
-open({str(path)!r}, "a").write("")
-text = open({str(path)!r}).read().replace("[N]", "[kN]")
-open({str(path)!r}, "w").write(text)
-try:
-    read_csv({str(path)!r}, model)
-except ValueError as error:
-    print(error)
-"""
-    result = run_without(("pint",), program, tmp_path)
-    assert result.returncode == 0, result.stderr
-    remark, unit = result.stdout.splitlines()
-    assert "'filtered' is treated as a remark" in remark
-    assert "expected the unit 'N' of the model, got 'kN'" in unit
-    assert 'pip install "sklearn-pgnn[units]"' in unit
-
-
-@pytest.mark.core
 def test_a_time_whose_name_ends_in_milliseconds_is_asked_about(tmp_path):
     path = write(tmp_path, "time_ms,F,speed")
     with pytest.raises(RecordError, match=r'columns: \{t: "time_ms \[ms\]"\}'):
@@ -89,7 +58,6 @@ def test_a_time_whose_name_ends_in_milliseconds_is_asked_about(tmp_path):
 
 
 def test_a_number_at_the_end_of_a_name_is_no_unit(tmp_path, recwarn):
-    pytest.importorskip("pint")
     angle = PhysicsModel(
         {"phi": "rad"}, {"phi": "u - phi"}, {}, {"u": "rad"}, columns={"u": "d_1", "phi": "d_3"}
     )
@@ -99,7 +67,6 @@ def test_a_number_at_the_end_of_a_name_is_no_unit(tmp_path, recwarn):
 
 @pytest.mark.parametrize("shown", ["v/n", "2*v/n", "m*v/n"])
 def test_an_output_whose_expression_is_in_another_unit_is_asked_about(tmp_path, recwarn, shown):
-    pytest.importorskip("pint")
     parameters = {"m": {"value": 2.0, "unit": "kg"}, "d": 0.5, "n": 10.0}
     model = MODEL.replace(parameters=parameters, outputs={"speed": shown})
     read_csv(write(tmp_path, "t,F,speed [km/h]"), model)
@@ -113,7 +80,6 @@ def test_an_output_whose_expression_is_in_another_unit_is_asked_about(tmp_path, 
 
 
 def test_a_unit_in_the_models_columns_converts_and_asks_no_more(tmp_path, recwarn):
-    pytest.importorskip("pint")
     columns = {"t": "time_ms [ms]", "speed": "speed_mm [m/s]"}
     X, y = read_csv(write(tmp_path, "time_ms,F,speed_mm"), MODEL.replace(columns=columns))
     assert X["t"].to_numpy() == pytest.approx([0, 1e-3, 2e-3, 3e-3])

@@ -282,7 +282,8 @@ def test_time_running_backward_or_standing_inside_a_named_trajectory():
         X.loc[6, "t"] = value
         message = refusal(X, y)
         assert message.startswith("X: time does not increase inside trajectory 'b': ")
-        assert message.endswith(f" s in row 5, then {value:.12g} s in row 6.")
+        assert f" s in row 5, then {value:.12g} s in row 6. Remedy: folds by Traj" in message
+        assert message.endswith("; else sort the rows, or name every trajectory differently.")
 
 
 def test_too_few_samples_to_fit():

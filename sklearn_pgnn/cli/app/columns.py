@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-
-import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import open_csv
-from sklearn_pgnn.trajectories.file_table import FileTable, read_each, unit_of
+from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.several_files import read_each
+from sklearn_pgnn.trajectories.titles import unit_of
 
 #: key of the sample interval [s] in a mapping, for files without a time
 SAMPLE_TIME = "sample_time"
@@ -76,7 +75,8 @@ def _guess(table: FileTable, name: str, unit: str, shared: Sequence[str]) -> dic
         like = table.nearest().get(name, "")
         title = next((t for t in table.header if t == like or t.startswith(f"{like} ")), "")
     title = title if title in shared else ""
-    return {"column": title, "unit": unit_of(title) or unit}
+    below = "" if k is None else table.units.get(k, "")
+    return {"column": title, "unit": unit_of(title) or below or unit}
 
 
 def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping):
@@ -106,28 +106,21 @@ def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping)
     plain = model.replace(columns={})
     labels = {file["file"]: file["label"] for file in files}
 
-    def read(path, model, sample_time):
+    def opened(path, model, sample_time):
         table = _open({"file": path, "label": labels[path]}, model, sample_time)
         table.header = [_renamed(title, mapping) for title in table.header]
-        return _labelled(table.read, path, labels[path])
+        table.units, table.path = {}, labels[path]
+        return table
 
-    X, y = read_each(read, list(labels), plain, sample_time)
-    X[TRAJECTORY] = _named_by_label(X[TRAJECTORY], labels)
-    return X, y
+    return read_each(opened, list(labels), plain, sample_time)
 
 
 def _open(file: Mapping, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
     """Open a file; error messages use its label."""
-    return _labelled(
-        lambda: open_csv(file["file"], model, sample_time), file["file"], file["label"]
-    )
-
-
-def _labelled(work, path: str, label: str):
     try:
-        return work()
+        return open_csv(file["file"], model, sample_time)
     except RecordError as error:
-        raise RecordError(str(error).replace(path, label, 1)) from error
+        raise RecordError(str(error).replace(file["file"], file["label"], 1)) from error
 
 
 def _renamed(title: str, mapping: Mapping) -> str:
@@ -168,16 +161,3 @@ def _sample_time(mapping: Mapping) -> float | None:
     if not 0 < value < math.inf:
         raise RecordError(f"sample time: expected a positive number of seconds, got {text!r}.")
     return value
-
-
-def _named_by_label(names: pd.Series, labels: Mapping[str, str]) -> pd.Series:
-    """Return the records' names with the label of the file in place of its stem."""
-    stems = {Path(path).stem: Path(label).stem for path, label in labels.items()}
-    if len({*stems.values()}) < len(stems):
-        stems = {stem: f"{shown}, file {stem}" for stem, shown in stems.items()}
-
-    def named(name: str) -> str:
-        stem, slash, rest = name.partition("/")
-        return stems[stem] + slash + rest
-
-    return names.map(named)

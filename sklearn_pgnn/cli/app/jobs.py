@@ -7,9 +7,8 @@ from pathlib import Path
 
 from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns
 from sklearn_pgnn.cli.app.look import draw_look
-from sklearn_pgnn.cli.diagnose import fit_kept, result_texts
+from sklearn_pgnn.cli.diagnose import fit_kept, write_results
 from sklearn_pgnn.cli.guard import Bug
-from sklearn_pgnn.cli.output import write_files
 from sklearn_pgnn.cli.screen import described_files
 from sklearn_pgnn.cli.systems import SYSTEMS, make_system
 from sklearn_pgnn.cli.template import commented
@@ -119,9 +118,7 @@ def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
     RESULT.mkdir(exist_ok=True)
     for file in RESULT.iterdir():
         file.unlink()
-    failed = write_files(RESULT, result_texts(diagnosis, _provenance(label, files)))
-    if broken or failed:
-        raise Bug(broken or next(iter(failed.values())))
+    error = broken or write_results(RESULT, diagnosis, _provenance(label, files))
     return {
         "title": title(diagnosis),
         "verdict": verdict_line(diagnosis),
@@ -129,7 +126,7 @@ def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
         "next": next_step(diagnosis),
         "state": worst(make_tiles(diagnosis)),
         "files": list(described_files(diagnosis).items()),
-        "warnings": warned,
+        "warnings": warned if error is None else [*warned, Bug(error).message],
     }
 
 

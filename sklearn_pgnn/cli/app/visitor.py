@@ -11,8 +11,7 @@ from time import monotonic
 
 from sklearn_pgnn.cli.app.limits import ALL_BYTES, NAME, PATIENCE, RECORDS
 from sklearn_pgnn.cli.app.work import Ended, Refused, Worker
-from sklearn_pgnn.cli.stages import in_words
-from sklearn_pgnn.estimation.progress import BEST
+from sklearn_pgnn.stages import BEST, in_words
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,11 @@ def plain_model(X: pd.DataFrame, y, time_column: str, states) -> PhysicsModel:
         )
     missing = [name for name in named if name not in X.columns]
     if missing:
-        raise ValueError(f"states: X has no column {missing[0]!r}; it has {', '.join(X.columns)}.")
+        raise ValueError(
+            f"states: X has no column {missing[0]!r}; it has {', '.join(X.columns)}. Remedy: leave "
+            f"'states' out where only the outputs in y were measured, which with their rates are "
+            f"then the state; or add the column: each trajectory's first row is read."
+        )
     positions = apart_from([f"x{i}" for i in range(n_outputs)], X.columns)
     velocities = apart_from([f"v{i}" for i in range(n_outputs)], X.columns)
     velocities = [] if len(named) == n_outputs else velocities

@@ -8,6 +8,7 @@ from sklearn_pgnn.inspection.report.members import Member
 from sklearn_pgnn.inspection.report.next_step import expectation
 from sklearn_pgnn.inspection.report.who_did_what import parts_of_error
 from sklearn_pgnn.inspection.words import separation_sentence
+from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.record_quality.wording import listed
 
 
@@ -31,7 +32,7 @@ def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
         {
             **_cause(diagnosis, cause),
             "worth": f"{times(part.before)} → {times(part.after)}",
-            "members": [_member(member) for member in members.get(number_, ())],
+            "members": [_member(diagnosis, member) for member in members.get(number_, ())],
         }
         for number_, (cause, part) in enumerate(zip(diagnosis.causes_, worth, strict=True))
     ]
@@ -54,19 +55,20 @@ def _cause(diagnosis, cause) -> dict:
             for field, e in cause.parameters.items()
         ],
         "probability": chance(cause.probability),
+        "tested": cause.tested,
         "separations": [
             separation_sentence(found) for found in diagnosis.separations_ if found.cause == mine
         ],
     }
 
 
-def _member(member: Member) -> dict:
+def _member(diagnosis, member: Member) -> dict:
     sizes = (f"{name} {number(value)} {typeset_unit(unit)}" for name, value, unit in member.sizes)
     return {
         "name": member.name,
         "probability": chance(member.probability),
         "sizes": listed(size.strip() for size in sizes),
         "left": times(member.left),
-        "check": member.effect.check,
+        "check": worded_for(diagnosis.model, member.effect.target, member.effect.check),
         "file": file_of(member.model),
     }

@@ -18,6 +18,7 @@ from sklearn_pgnn.inspection.report.formula import FoundFormula, told_formula
 from sklearn_pgnn.inspection.report.members import all_members
 from sklearn_pgnn.inspection.report.method import method, versions
 from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.report.part import part
 from sklearn_pgnn.inspection.report.provenance import Provenance
 from sklearn_pgnn.inspection.report.residual_maps import residual_maps
 from sklearn_pgnn.inspection.report.residual_tests import residual_tests
@@ -31,7 +32,7 @@ from sklearn_pgnn.inspection.words import (
     unusable_sentence,
     verdict_sentence,
 )
-from sklearn_pgnn.inspection.yardstick import together
+from sklearn_pgnn.inspection.yardstick import shown_models, together
 
 
 def report_content(diagnosis, provenance: Provenance, detectability=None) -> dict:
@@ -41,7 +42,7 @@ def report_content(diagnosis, provenance: Provenance, detectability=None) -> dic
         **_top(diagnosis),
         **_source(diagnosis, provenance),
         **_story(diagnosis, formula),
-        **_appendix(diagnosis, formula),
+        **_appendix(diagnosis),
         "smallest": smallest_rows(detectability),
         "power": "" if detectability is None else f"{100 * detectability.power:.0f}",
     }
@@ -74,33 +75,37 @@ def _source(diagnosis, provenance: Provenance) -> dict:
 
 def _story(diagnosis, formula: FoundFormula | None) -> dict:
     """Return the causes, the formula, and the pictures of both."""
-    members = all_members(diagnosis)
-    maps = residual_maps(diagnosis, formula) if formula or leaves_more(diagnosis) else []
-    free, windowed, others = curve_sections(diagnosis, formula)
+    members = part("rivals", all_members, diagnosis, without={})
+    drawn = part("characteristics", characteristics, diagnosis, members, without=[])
+    maps = []
+    if formula or leaves_more(diagnosis):
+        maps = part("maps of what is left", residual_maps, diagnosis, formula, without=[])
+    free, windowed, others = curve_sections(diagnosis)
     return {
         "not_compared": "" if diagnosis.complete_ else NOT_COMPARED,
         "causes": told_causes(diagnosis, members),
         "formula": None if formula is None else told_formula(formula),
-        "characteristics": characteristics(diagnosis, members),
+        "characteristics": drawn,
         "maps": maps,
-        "curve_keys": keys(diagnosis, formula),
+        "curve_keys": keys(diagnosis),
         "free_run": free,
         "windowed": windowed,
         "window": f"{number(diagnosis.window_, 3)} s",
         "other_records": others,
-        "candidates": dot_plot(diagnosis),
+        "candidates": part("candidates", dot_plot, diagnosis, without=None),
         "retuned_only": times(together(diagnosis).refitted),
-        "tests": residual_tests(diagnosis, formula),
+        "tests": part("tests of what is left", residual_tests, diagnosis, without={}),
         "smallest_share": percent(diagnosis.smallest_share),
     }
 
 
-def _appendix(diagnosis, formula: FoundFormula | None) -> dict:
+def _appendix(diagnosis) -> dict:
     return {
+        "models": list(shown_models(diagnosis).values()),
         "errors": error_rows(diagnosis),
         "forest": forest(diagnosis),
         "pinned": spread_sentence(diagnosis),
-        "correlation": correlation(diagnosis, formula),
+        "correlation": part("correlations", correlation, diagnosis, without=None),
         "equation_blocks": _equation_blocks(diagnosis),
         "unusable": [
             {"name": candidate_name(effect, target), "reason": reason}

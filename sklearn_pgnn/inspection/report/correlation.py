@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.simulation.uncertainty import correlations
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 
@@ -48,22 +47,12 @@ class Correlation:
     tight: list[str]
 
 
-def correlation(diagnosis, formula: FoundFormula | None = None) -> Correlation | None:
-    """Return the correlations of the parameters; None where there are less than two.
+def correlation(diagnosis) -> Correlation | None:
+    """Return the correlations of the parameters, a formula's coefficients among them.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    formula : FoundFormula, optional
-        The formula for what no cause explains: its coefficients are among the parameters then.
-
-    Returns
-    -------
-    Correlation or None
-        Of the extended model, or of that with the formula.
+    None where there are less than two.
     """
-    fit = _fitted(diagnosis) if formula is None else formula.fit
+    fit = fitted_again(diagnosis)
     names = [freedom.name for freedom in fit.freedoms]
     if len(names) < 2:
         return None
@@ -80,12 +69,13 @@ def correlation(diagnosis, formula: FoundFormula | None = None) -> Correlation |
     return Correlation(names[:-1], rows, tight)
 
 
-def _fitted(diagnosis) -> WindowFit:
-    """Return the extended model with its evaluation where it stands."""
-    records, extended = diagnosis.records_, diagnosis.records_.fits["extended"]
-    expected = records.problem.states.expected_starts(extended.model, records.windows)
-    options = {"x0_start": extended.x0, "max_steps": 0}
-    return fit_windows(extended.model, records.windows, extended.freedoms, *expected, **options)
+def fitted_again(diagnosis) -> WindowFit:
+    """Return the model with all that was found, with its evaluation where it stands."""
+    records = diagnosis.records_
+    best = records.fits[records.best]
+    expected = records.problem.states.expected_starts(best.model, records.windows)
+    options = {"x0_start": best.x0, "max_steps": 0}
+    return fit_windows(best.model, records.windows, best.freedoms, *expected, **options)
 
 
 def _cell(value: float) -> Cell:

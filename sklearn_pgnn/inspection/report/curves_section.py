@@ -11,14 +11,8 @@ from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.inspection.display import called, typical
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
+from sklearn_pgnn.inspection.yardstick import MODELS, shown_models
 
-#: the models as they are called, in the order in which they are drawn
-MODELS = {
-    "prior": "as given",
-    "refitted": "re-tuned only",
-    "extended": "extended",
-    "formula": "with the formula",
-}
 #: the band of the noise, in standard deviations; and from how many on an error is marked
 BAND, FAR = 2.0, 8.0
 
@@ -126,49 +120,27 @@ class CurveDrawer:
             plot.points(t[rows][alone], y[alone], "outlier", "a single sample that lies far off")
 
 
-def curve_sections(diagnosis, formula=None) -> tuple[Curves, Curves, list[Curves]]:
-    """Return the curves of a typical record in free run and over windows, then all others.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    formula : FoundFormula, optional
-        The formula for what no cause explains.
-
-    Returns
-    -------
-    free, windowed : Curves
-        A typical record.
-    others : list of Curves
-        The others in free run.
-    """
-    records, fits = diagnosis.records_, dict(diagnosis.records_.fits)
-    if not diagnosis.causes_:
-        del fits["extended"]  # it is the re-tuned model
-    if formula is not None:
-        fits["formula"] = formula.windows
-    seen = records if formula is None else formula.records
-    windowed = {which: records.windows.y - fits[which].residual for which in fits}
-    free = {which: np.concatenate([r.y for r in free_runs(seen, which)]) for which in fits}
+def curve_sections(diagnosis) -> tuple[Curves, Curves, list[Curves]]:
+    """Return the curves of a typical record in free run and over windows, then all others."""
+    records, drawn = diagnosis.records_, shown_models(diagnosis)
+    windowed = {which: records.windows.y - records.fits[which].residual for which in drawn}
+    free = {which: np.concatenate([r.y for r in free_runs(records, which)]) for which in drawn}
     first = typical(records)
     runs = CurveDrawer(diagnosis, free, restarts=False)
     others = [runs.draw(k) for k in range(len(records.names)) if k != first]
     return runs.draw(first), CurveDrawer(diagnosis, windowed, restarts=True).draw(first), others
 
 
-def keys(diagnosis, formula=None) -> list[tuple[str, str]]:
+def keys(diagnosis) -> list[tuple[str, str]]:
     """Return the class and the name of every curve, for a legend."""
-    drawn = {"prior", "refitted"}
-    drawn |= {"extended"} if diagnosis.causes_ else set()
-    drawn |= {"formula"} if formula is not None else set()
-    *others, best = (key for key in MODELS if key in drawn)
-    named = [(key, MODELS[key]) for key in others]
-    return [("measured", "measured"), *named, (f"{best} best", MODELS[best])]
+    *others, (best, said) = shown_models(diagnosis).items()
+    return [("measured", "measured"), *others, (f"{best} best", said)]
 
 
 def _in_sight(known, curves) -> Scale:
     """Return an axis on which a diverging model does not hide the rest."""
+    if not np.isfinite(known).any():  # this record lacks the output
+        return Scale.over(*curves)
     low, high = np.nanmin(known), np.nanmax(known)
     reach = (high - low) or 1.0
     return Scale.over(*(np.clip(each, low - reach, high + reach) for each in (known, *curves)))

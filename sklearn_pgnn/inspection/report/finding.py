@@ -1,10 +1,10 @@
 """The finding in a line, with its size: the title of a report."""
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.runaway import runs_away
-from sklearn_pgnn.inspection.words import missing_place, verdict_title
+from sklearn_pgnn.inspection.words import UNNAMED, place_name
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
@@ -40,8 +40,8 @@ def verdict_line(diagnosis) -> str:
     str
         As in "Cause named, but further error remains".
     """
-    said = verdict_title(diagnosis)
-    if diagnosis.verdict_ == "model_adequate" and leaves_much(diagnosis):
+    said = VERDICTS[diagnosis.verdict_]
+    if diagnosis.verdict_ == "nothing_found":
         said += "; more than noise is left"
     elif diagnosis.verdict_ == "model_adequate":
         said += ", as given" if is_adequate_as_given(diagnosis) else ", after re-tuning"
@@ -50,7 +50,7 @@ def verdict_line(diagnosis) -> str:
     if not diagnosis.complete_:
         said += "; the search was not complete"
     if diagnosis.data_quality_:
-        said += "; provisional, because of data-quality problems"
+        said += "; beware of data-quality problems"
     return said
 
 
@@ -68,10 +68,22 @@ def cause_with_size(cause) -> str:
     return name
 
 
+def _nothing_found(diagnosis) -> str:
+    left = times(max(errors.extended for errors in over_windows(diagnosis).values()))
+    return f"no cause of the catalogue; {left} the noise is left"
+
+
+def _predicts_nothing(diagnosis) -> str:
+    return "nothing can be told, the model predicts no better than carrying on"
+
+
+def _so_far(diagnosis) -> str:
+    if not diagnosis.causes_:
+        return "something is missing, and the search ended before it was found"
+    return f"provisional: {listed(cause_with_size(cause) for cause in diagnosis.causes_)}"
+
+
 def _adequate(diagnosis) -> str:
-    if leaves_much(diagnosis):
-        left = times(max(errors.extended for errors in over_windows(diagnosis).values()))
-        return f"no cause of the catalogue; {left} the noise is left"
     if is_adequate_as_given(diagnosis):
         return "the model is adequate as given"
     changed = parameter_facts(diagnosis).changed
@@ -84,34 +96,35 @@ def _named(diagnosis) -> str:
 
 
 def _ambiguous(diagnosis) -> str:
-    sure = [cause_with_size(cause) for cause in diagnosis.causes_ if not cause.confused_with]
-    open_ = [_alternatives(cause) for cause in diagnosis.causes_ if cause.confused_with]
+    sure = [cause_with_size(cause) for cause in diagnosis.causes_ if not cause.is_open]
+    open_ = [_alternatives(cause) for cause in diagnosis.causes_ if cause.is_open]
     return "; and ".join([*sure, *open_])
 
 
 def _alternatives(cause) -> str:
-    others = (cause_name(other.effect, other.target) for other in cause.confused_with)
+    others = [cause_name(other.effect, other.target) for other in cause.confused_with] or [UNNAMED]
     *first, last = [cause_with_size(cause), *others]
     return f"{', '.join(first)} or {last}"
 
 
 def _unexplained(diagnosis) -> str:
     part = diagnosis.discrepancy_
-    if not diagnosis.complete_:
-        return "something is missing, and the search ended before it was found"
-    if runs_away(diagnosis):
-        return "nothing can be told, the model runs away from the records"
     if part is None:
-        return "something is missing that no known effect explains"
+        place = place_name(diagnosis.model, diagnosis.remaining_.law.place)
+        return f"something is missing in {place} that no known effect explains"
+    place = place_name(diagnosis.model, part.target)
     if part.has_names:
         names = listed(cause_name(each.effect, each.target) for each in part.known)
-        return f"something is missing in {missing_place(diagnosis, part)} that acts as {names}"
-    return f"something unknown is missing in {missing_place(diagnosis, part)}"
+        return f"something is missing in {place} that acts as {names}"
+    return f"something unknown is missing in {place}"
 
 
 _FOUND = {
-    "model_adequate": _adequate,
     "cause_named": _named,
     "ambiguous": _ambiguous,
     "unexplained": _unexplained,
+    "provisional": _so_far,
+    "predicts_nothing": _predicts_nothing,
+    "nothing_found": _nothing_found,
+    "model_adequate": _adequate,
 }

@@ -63,7 +63,7 @@ def forest(diagnosis) -> Forest:
         Rows and axis.
     """
     facts, found = parameter_facts(diagnosis), diagnosis.parameters_
-    freedoms = {f.name: f for f in diagnosis.records_.fits["extended"].freedoms}
+    freedoms = {f.name: f for f in diagnosis.records_.fits[diagnosis.records_.best].freedoms}
     moves = [
         100.0 * (end / p.prior - 1.0)
         for p in found.values()
@@ -94,7 +94,7 @@ def _state(name: str, facts: ParameterFacts) -> tuple[str, str]:
     look = [text for text, holds in said if holds]
     if look:
         return "; ".join(look), "look"
-    return ("changed", "changed") if name in facts.changed else ("as given", "")
+    return ("changed", "changed") if name in facts.changed else ("not significantly", "")
 
 
 def _strip(scale: Scale, name: str, p, freedom, css: str) -> Markup:

@@ -1,24 +1,23 @@
 """The formula for what no cause explains: its terms with units and intervals, and its model."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import sympy
 
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
-from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.mathml import mathml_of
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
-from sklearn_pgnn.inspection.words import dependence, missing_place
+from sklearn_pgnn.inspection.report.correlation import fitted_again
+from sklearn_pgnn.inspection.words import dependence, place_name
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effects.rates import unit_of_force
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Term:
 
 @dataclass(frozen=True)
 class FoundFormula:
-    """The formula of a diagnosis, fitted again for its intervals.
+    """The formula of a diagnosis.
 
     Parameters
     ----------
@@ -80,42 +79,16 @@ class FoundFormula:
         return unit_of_force(self.model, self.part.target) if has_inertia else ""
 
     @cached_property
-    def fit(self) -> WindowFit:
-        """The model fitted once more from where it stands."""
-        records, names = self.diagnosis.records_, self.part.effect.names().values()
-        problem, value = records.problem, self.model.parameters
-        own = (
-            ParameterPrior(n, -np.inf, np.inf, value[n].value, np.inf, abs(value[n].value) or 1.0)
-            for n in names
-        )
-        free = (*records.fits["extended"].freedoms, *own)
-        expected = problem.states.expected_starts(self.model, records.windows)
-        return fit_windows(self.model, records.windows, free, *expected)
-
-    @property
-    def windows(self) -> FittedWindows:
-        """The model on the windows of the diagnosis."""
-        fit = self.fit
-        return FittedWindows(fit.model, fit.x0, fit.evaluation.residual, fit.freedoms)
-
-    @property
-    def records(self) -> DiagnosisRecords:
-        """The records of the diagnosis, among the models that with the formula."""
-        known = self.diagnosis.records_
-        return replace(known, fits={**known.fits, "formula": self.windows})
-
-    @cached_property
     def samples(self) -> Samples:
         """The records, with states and inputs as the model has them."""
-        model = self.diagnosis.extended_model_
-        return Samples.of(self.diagnosis.records_, model, model)
+        return Samples.of(self.diagnosis.records_, self.model, self.model)
 
     @cached_property
     def terms(self) -> list[Term]:
         """The terms."""
         records = self.diagnosis.records_
         expected = records.problem.states.expected_starts(self.model, records.windows)
-        errors = standard_errors(self.fit, *expected)
+        errors = standard_errors(fitted_again(self.diagnosis), *expected)
         known = (*self.model.states, *self.model.inputs)
         found = []
         effect = self.part.effect
@@ -165,7 +138,7 @@ def told_formula(formula: FoundFormula) -> dict:
     """Return what a report shows of a formula: plain text by the template's variable."""
     part = formula.part
     return {
-        "place": missing_place(formula.diagnosis, part),
+        "place": place_name(formula.diagnosis.model, part.target),
         "dependence": dependence(formula.diagnosis, part),
         "left": times(formula.part.error),
         "unit": typeset_unit(formula.unit) or "-",

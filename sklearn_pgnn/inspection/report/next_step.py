@@ -2,12 +2,13 @@
 
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.named_terms import known_remedy, known_sentence
-from sklearn_pgnn.inspection.numbers import measured, typeset_unit
+from sklearn_pgnn.inspection.numbers import measured, number, typeset_unit
 from sklearn_pgnn.inspection.parameter_ends import spread_remedy
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.runaway import runaway_remedy, runs_away
-from sklearn_pgnn.inspection.words import missing_place, separation_sentence
-from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
+from sklearn_pgnn.inspection.runaway import runaway_remedy
+from sklearn_pgnn.inspection.words import place_name, separation_sentence
+from sklearn_pgnn.inspection.yardstick import is_adequate_as_given
+from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.record_quality.wording import listed
 
 
@@ -25,7 +26,7 @@ def next_step(diagnosis) -> str:
         One or two sentences.
     """
     wider = spread_remedy(diagnosis)
-    if runs_away(diagnosis):
+    if diagnosis.verdict_ == "predicts_nothing":
         return f"{wider} {runaway_remedy(diagnosis)}".lstrip()
     if wider:
         return wider
@@ -66,17 +67,22 @@ def _separate(diagnosis) -> str:
 
 def _checks(diagnosis, cause) -> str:
     """Return how a cause and its rivals are checked on the rig."""
-    known = known_effects(diagnosis)
-    every = (cause.check, *(known[rival.effect].check for rival in cause.confused_with))
+    known, model = known_effects(diagnosis), diagnosis.model
+    theirs = (
+        worded_for(model, rival.target, known[rival.effect].check) for rival in cause.confused_with
+    )
+    every = (cause.check, *theirs)
     return " ".join(dict.fromkeys(check for check in every if check))
 
 
+def _watch(diagnosis) -> str:
+    return (
+        "See the residual maps, and look for disturbances of the machine or its sensors there. "
+        "Record one more quantity, and diagnose again."
+    )
+
+
 def _use(diagnosis) -> str:
-    if leaves_much(diagnosis):
-        return (
-            "See the residual maps, and look for disturbances of the machine or its sensors there. "
-            "Record one more quantity, and diagnose again."
-        )
     if is_adequate_as_given(diagnosis):
         return "Use the model as it is."
     facts = parameter_facts(diagnosis)
@@ -88,18 +94,21 @@ def _use(diagnosis) -> str:
 def _look(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
-        on = listed(diagnosis.remaining_.depends_on) or "time"
-        return f"Find out what in the machine depends on {on} and is not in the model."
+        law = diagnosis.remaining_.law
+        on, where = listed(law.depends_on) or "time", place_name(diagnosis.model, law.place)
+        before = f" as it was some {number(law.memory, 2)} s before" if law.memory else ""
+        return f"Find out what acts on {where}, depends on {on}{before} and is not in the model."
     if part.has_names and known_remedy(diagnosis, part):
         return known_sentence(diagnosis, part)
     on = listed(part.quantities) or "time"
-    where = missing_place(diagnosis, part)
+    where = place_name(diagnosis.model, part.target)
     return f"Find out what acts on {where} and depends on {on}: the formula gives its size."
 
 
 _BY_VERDICT = {
-    "model_adequate": _use,
     "cause_named": _check,
     "ambiguous": _separate,
     "unexplained": _look,
+    "nothing_found": _watch,
+    "model_adequate": _use,
 }

@@ -44,7 +44,7 @@ def parameter_facts(diagnosis) -> ParameterFacts:
     ParameterFacts
         Names of parameters.
     """
-    fit, found = diagnosis.records_.fits["extended"], diagnosis.parameters_
+    fit, found = diagnosis.records_.fits[diagnosis.records_.best], diagnosis.parameters_
     free = {freedom.name: freedom for freedom in fit.freedoms}
     value = {name: parameter.value for name, parameter in fit.model.parameters.items()}
     value |= {name: parameter.value for name, parameter in found.items()}

@@ -7,6 +7,7 @@ import sympy
 from markupsafe import Markup
 
 from sklearn_pgnn.inspection.balance import Samples
+from sklearn_pgnn.inspection.evidence import said_by_formula
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.style import label
@@ -95,13 +96,12 @@ def residual_maps(diagnosis, formula: FoundFormula | None) -> list[Maps]:
 
 
 def _of_formula(diagnosis, formula: FoundFormula) -> Maps:
-    target, samples, table = formula.part.target, formula.samples, formula.terms
-    said = sum(term.coefficient.value * samples.value(term.expression) for term in table)
-    course = formula.part.course
+    target, samples, left = formula.part.target, formula.samples, formula.part.left
+    said = said_by_formula(diagnosis)
     panels = [
-        ("as the records show it", course),
+        ("as the records show it", said + left),
         ("what the formula says", said),
-        ("left over", course - said),
+        ("left over", left),
     ]
     title = f"Missing in {target}" + ("'" if target in formula.model.states else "")
     return _maps(diagnosis, samples, title, formula.unit, target, panels)
@@ -126,9 +126,14 @@ def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:
     over = telling_quantities(diagnosis, target)
     axes = [samples.value(symbol(name)) if name != "t" else samples.table["t"] for name in over]
     names = [label(n, "s" if n == "t" else diagnosis.extended_model_.unit(n)) for n in over]
+    grids = [_grid(axis) for axis in axes]
+    cells = [_cells(np.asarray(values, dtype=float), axes, *grids) for _, values in panels]
+    most = max(
+        float(np.percentile(np.abs(found), 98)) if found.size else 0.0 for *_, found in cells
+    )
     drawn = tuple(
-        _panel(f"{title}: {what}", what, np.asarray(values, dtype=float), axes, unit)
-        for what, values in panels
+        _panel(f"{title}: {what}", what, each, grids, most, unit)
+        for (what, _), each in zip(panels, cells, strict=True)
     )
     return Maps(title, names[0], names[1], drawn)
 
@@ -151,7 +156,7 @@ def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
     model, part = diagnosis.extended_model_, diagnosis.discrepancy_
     known = [*model.states, *model.inputs]
     told = [] if part is None else list(part.quantities)
-    told += [name for name in diagnosis.remaining_.depends_on if name in known]
+    told += [name for name in diagnosis.remaining_.law.depends_on if name in known]
     position = model.kinematic_pairs.get(target)
     own = [name for name in (position, target) if name in known]
     every = list(dict.fromkeys([*told, *own, *known, "t"]))
@@ -160,13 +165,12 @@ def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
     return tuple(sorted((first, second), key=lambda name: order.get(name, -1)))
 
 
-def _panel(title: str, what: str, values, axes, unit: str) -> Panel:
-    x, y = (_grid(axis) for axis in axes)
-    rows, columns, found = _cells(values, axes, x, y)
-    most = float(np.percentile(np.abs(found), 98)) if found.size else 0.0
+def _panel(title: str, what: str, cells, grids, most: float, unit: str) -> Panel:
+    """Draw one of the maps that share a scale; what is less than half a shade stays blank."""
+    (x, y), (rows, columns, found) = grids, cells
     plot = Plot(Scale(x[0], x[-1]), Scale(y[0], y[-1]), title, "map")
     plot.band(y[0], y[-1], "ground")
-    shade = np.ceil(np.clip(np.abs(found) / (most or 1.0), 0, 1) * SHADES).astype(int)
+    shade = np.rint(np.clip(np.abs(found) / (most or 1.0), 0, 1) * SHADES).astype(int)
     for css, sign in (("above", 1), ("below-zero", -1)):
         for level in range(1, SHADES + 1):
             chosen = (shade == level) & (np.sign(found) == sign)

@@ -31,24 +31,14 @@ class ResidualTest:
     plot: Markup
 
 
-def residual_tests(diagnosis, formula=None) -> dict[str, list[ResidualTest]]:
+def residual_tests(diagnosis) -> dict[str, list[ResidualTest]]:
     """Return by output the autocorrelation, the correlation with every input, and the histogram.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    formula : FoundFormula, optional
-        The formula for what no cause explains: then of the model with it.
-
-    Returns
-    -------
-    dict of str to list of ResidualTest
-        Of the residuals over windows.
+    They are those of what the model with all that was found leaves over windows.
     """
     records = diagnosis.records_
     windows = records.windows
-    fit = records.fits["extended"] if formula is None else formula.windows
+    fit = records.fits[records.best]
     rows = [slice(a, a + n) for a, n in zip(windows.starts, windows.lengths, strict=True)]
     lags = int(min(25, np.median(windows.lengths) // 3))
     inputs = {n: [windows.u[r, i] for r in rows] for i, n in enumerate(diagnosis.model.inputs)}

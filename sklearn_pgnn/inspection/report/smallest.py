@@ -1,7 +1,7 @@
 """How small an effect these records would have shown, where nothing was named."""
 
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import number, typeset_unit
+from sklearn_pgnn.inspection.least_size import least_size
 
 
 def smallest_rows(detectability) -> list[dict]:
@@ -32,5 +32,4 @@ def smallest_rows(detectability) -> list[dict]:
 def _size(row) -> str:
     if not row.smallest > 0:
         return ""
-    unit = typeset_unit(row.unit)
-    return f"{row.parameter.replace('_', ' ')} {number(row.smallest, 2)} {unit}".rstrip()
+    return f"{row.parameter.replace('_', ' ')} {least_size(row)}"

@@ -1,9 +1,7 @@
 """The errors of a report in rows: in the output's unit, and in units of the noise."""
 
 from sklearn_pgnn.inspection.numbers import free_run_error, number, times, typeset_unit
-from sklearn_pgnn.inspection.yardstick import ratio
-
-MODELS = ("prior", "refitted", "extended")
+from sklearn_pgnn.inspection.yardstick import ratio, shown_models
 
 
 def error_rows(diagnosis) -> list[dict]:
@@ -19,14 +17,14 @@ def error_rows(diagnosis) -> list[dict]:
     list of dict
         Plain text by the template's variable: two rows an output.
     """
-    rows = []
+    rows, shown = [], shown_models(diagnosis)
     for output, gain in diagnosis.gain_.items():
         for how, errors in (("held-out windows", gain), ("free run", diagnosis.free_run_[output])):
             rows.append(
                 {
                     "output": output,
                     "how": how,
-                    "errors": [_error(getattr(errors, which), gain.noise) for which in MODELS],
+                    "errors": [_error(getattr(errors, which), gain.noise) for which in shown],
                     "noise": number(gain.noise, 3),
                     "unit": typeset_unit(diagnosis.model.unit(output)) or "-",
                 }

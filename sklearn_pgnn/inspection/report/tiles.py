@@ -15,12 +15,13 @@ from sklearn_pgnn.inspection.yardstick import (
     left_alone,
     over_windows,
     retuning_counts,
+    shown_models,
     together,
 )
 from sklearn_pgnn.record_quality.wording import listed
 
 #: the colours of a tile, the best first, and what they mean to those who see none
-STATES = {"good": "in order", "look": "look at this", "bad": "not in order"}
+STATES = {"good": "OK", "look": "look at this", "bad": "not OK"}
 #: probability from which on a cause counts as sure
 SURE = 0.95
 
@@ -90,19 +91,18 @@ def worst(tiles) -> str:
 def _left(diagnosis) -> Tile:
     """Return the tile of the output of which most is left."""
     windows = over_windows(diagnosis)
-    output = max(windows, key=lambda name: _or_inf(windows[name].extended))
+    output = max(windows, key=lambda name: _or_inf(windows[name].best))
     errors, run = windows[output], in_free_run(diagnosis)[output]
     tells = diagnosis.free_run_[output].tells
-    much = not errors.extended <= MUCH or (tells and not run.extended <= MUCH)
-    structured = diagnosis.remaining_.kind == "structure"
+    much = not errors.best <= MUCH or (tells and not run.best <= MUCH)
+    structured = diagnosis.remaining_.kind == "structure" and diagnosis.discrepancy_ is None
     of = f" of {output}" if len(windows) > 1 else ""
-    free = times(run.extended) if tells else "not informative"
-    text = f"left{of} over held-out windows (as given {times(errors.prior)}"
-    if diagnosis.causes_:
-        text += f", re-tuned only {times(errors.refitted)}"
-    text += f"); in free run {free}"
+    *others, (_, last) = shown_models(diagnosis).items()
+    by = ", ".join(f"{said} {times(getattr(errors, which))}" for which, said in others)
+    free = times(run.best) if tells else "not informative"
+    text = f"left{of} over held-out windows {last} ({by}); in free run {free}"
     state = "bad" if much and structured else "look" if much or structured else "good"
-    return Tile(state, "What is left", f"{times(errors.extended)} noise", text)
+    return Tile(state, "What is left", f"{times(errors.best)} noise", text)
 
 
 def _or_inf(value: float) -> float:
@@ -114,10 +114,12 @@ def _or_inf(value: float) -> float:
 
 def _sure(diagnosis) -> Tile:
     about = "How sure"
+    if diagnosis.causes_ and not diagnosis.tested_:
+        return Tile("look", about, "not tested", "the search ended early")
     if diagnosis.causes_:
         return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
     if diagnosis.verdict_ == "unexplained":
-        return Tile("bad", about, "no cause", f"{_runner_up(diagnosis)}, not sufficient")
+        return _no_cause(diagnosis)
     if not diagnosis.complete_:
         return Tile("look", about, "not complete", "the search ended early")
     text = "no candidate of the catalogue improves it"
@@ -125,13 +127,21 @@ def _sure(diagnosis) -> Tile:
     return Tile("good", about, "nothing named", f"{text}; {nearest}" if nearest else text)
 
 
+def _no_cause(diagnosis) -> Tile:
+    nearest = _runner_up(diagnosis)
+    said = f"{nearest}, not sufficient" if nearest else "no candidate was fitted"
+    if diagnosis.discrepancy_ is None:
+        return Tile("bad", "How sure", "no cause", said)
+    return Tile("look", "How sure", "a formula, no cause", f"it describes the records; {said}")
+
+
 def _sure_of(diagnosis, cause) -> Tile:
     name, sure = cause_name(cause.effect, cause.target), cause.probability >= SURE
-    if cause.confused_with:
+    if cause.is_open:
         text = f"for {name}, which these records cannot distinguish from {rivals(cause)}"
     else:
         text = "; ".join(said for said in (f"for {name}", _runner_up(diagnosis)) if said)
-    state = "good" if sure and not cause.confused_with and diagnosis.complete_ else "look"
+    state = "good" if sure and not cause.is_open and diagnosis.complete_ else "look"
     return Tile(state, "How sure", chance(cause.probability), text)
 
 
@@ -186,9 +196,12 @@ def _parameters(diagnosis, facts: ParameterFacts) -> Tile:
 def _unchanged(diagnosis) -> Tile:
     """Return the tile where no single parameter left its interval, whatever all did together."""
     text = "the interval of each holds the given value; none at a limit"
-    if diagnosis.causes_:
-        count = "cause" if len(diagnosis.causes_) == 1 else "causes"
-        return Tile("good", "Parameters", "as given", f"with the {count} in the model, {text}")
+    found = ["cause" if len(diagnosis.causes_) == 1 else "causes"] if diagnosis.causes_ else []
+    found += [] if diagnosis.discrepancy_ is None else ["formula"]
+    if found:
+        return Tile(
+            "good", "Parameters", "as given", f"with the {listed(found)} in the model, {text}"
+        )
     if not retuning_counts(diagnosis):
         return Tile("good", "Parameters", "as given", text)
     errors = together(diagnosis)

@@ -14,7 +14,7 @@ class Part:
 
     Parameters
     ----------
-    kind : {"retuning", "cause", "left", "noise"}
+    kind : {"retuning", "cause", "formula", "left", "noise"}
         What sort of part it is.
     name : str
         Who took it away, or what it is.
@@ -55,9 +55,11 @@ def parts_of_error(diagnosis) -> list[Part]:
         after = level * (1.0 - cause.gain / 100.0)
         parts.append(Part("cause", cause_name(cause.effect, cause.target), level, after))
         level = after
-    noise = min(errors.extended, 1.0)
-    if errors.extended > noise:
-        parts.append(Part("left", "left over", errors.extended, noise))
+    if diagnosis.discrepancy_ is not None:
+        parts.append(Part("formula", "the formula", errors.extended, errors.formula))
+    noise = min(errors.best, 1.0)
+    if errors.best > noise:
+        parts.append(Part("left", "left over", errors.best, noise))
     parts.append(Part("noise", "noise", noise, 0.0))
     return parts
 

@@ -243,7 +243,10 @@ class StribeckFriction(SpeedEffect):
     id = "stribeck_friction"
     phrase = "Stribeck friction on {target}"
     generalises = ("coulomb_friction",)
-    summary = "Dry friction that is higher at rest and low speed than when sliding (stick-slip)."
+    summary = (
+        "Dry friction that is higher at rest and at low speed than when sliding (stick-slip): the "
+        "break-away force is the level plus the peak."
+    )
     check = "Drive at constant low speeds: the force falls as the speed rises, or motion jerks."
 
     def force(self, v, position, p):

@@ -8,7 +8,6 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import force_unit, rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
-from sklearn_pgnn.physics.model_units import unit_of_product
 from sklearn_pgnn.physics.typical import typical_inertia
 
 #: units that make a state a velocity even where no other state is its integral
@@ -115,7 +114,20 @@ def unit_of_force(model, target: str) -> str:
     inertia, velocity = model.inertia.get(target), model.unit(target)
     if inertia is None:
         return rate_unit(velocity)
-    return force_unit(model.unit_of(inertia) or unit_of_product(inertia, model.unit), velocity)
+    return force_unit(model.unit_of(inertia), velocity)
+
+
+def worded_for(model, target: str, text: str) -> str:
+    """Return a text about a force on a velocity; about a torque where the velocity turns.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import golf_robot
+    >>> worded_for(golf_robot(), "omega", "Force: the force falls.")
+    'Torque: the torque falls.'
+    """
+    turns = target in model.inertia and unit_of_force(model, target).endswith("N m")
+    return text.replace("force", "torque").replace("Force", "Torque") if turns else text
 
 
 def _over_common_inertia(rate, force, inertia):

@@ -1,12 +1,14 @@
 """The colours of a report: green only where nothing is to be looked at."""
 
+import math
 from copy import copy
 from dataclasses import replace
 
 import pytest
 from situations import situation
 
-from sklearn_pgnn.diagnosis import Remaining, Rival
+from sklearn_pgnn.diagnosis import Remaining, Rival, Structure
+from sklearn_pgnn.inspection.numbers import times
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.report.tiles import make_tiles
 from sklearn_pgnn.record_quality.finding import Finding
@@ -30,10 +32,19 @@ def test_a_cause_that_records_cannot_tell_is_amber_with_its_rivals():
     assert "input bias of F" in sure.text
 
 
-def test_what_no_one_can_name_is_red_and_parameters_are_those_beside_the_formula():
+def test_what_only_a_formula_describes_is_amber_and_parameters_are_those_beside_it():
     diagnosis = situation("unexplained")
-    assert states(diagnosis)[:3] == ["bad", "bad", "good"]
+    left, sure = make_tiles(diagnosis)[:2]
+    assert (left.state, sure.state, sure.headline) == ("good", "look", "a formula, no cause")
+    assert left.headline == f"{times(diagnosis.discrepancy_.error)} noise"
     assert parameter_facts(diagnosis).at_limit == ()
+
+
+def test_what_neither_name_nor_formula_describes_is_red():
+    diagnosis = copy(situation("unexplained"))
+    diagnosis.discrepancy_ = None
+    diagnosis.gain_ = {"v": replace(diagnosis.gain_["v"], formula=math.nan)}
+    assert states(diagnosis)[:2] == ["bad", "bad"]
 
 
 def test_a_parameter_at_its_limit_is_amber():
@@ -67,7 +78,7 @@ def test_more_than_twice_the_noise_is_amber_and_red_where_it_is_structure():
     gain = changed.gain_["v"]
     changed.gain_ = {"v": replace(gain, extended=2.5 * gain.noise)}
     assert states(changed)[0] == "look"
-    changed.remaining_ = Remaining("structure", {"v": 2.5}, ("F",))
+    changed.remaining_ = Remaining("structure", {"v": 2.5}, Structure("v", 0.9, 0.0, ("F",)))
     assert states(changed)[0] == "bad"
 
 
@@ -77,6 +88,14 @@ def test_one_doubtful_cause_is_enough():
     changed.causes_ = (replace(changed.causes_[0], probability=0.7, confused_with=rival),)
     sure = make_tiles(changed)[1]
     assert (sure.state, sure.headline) == ("look", "70 %")
+
+
+def test_of_a_provisional_cause_nothing_is_sure():
+    changed = copy(situation("named"))
+    changed.causes_ = (replace(changed.causes_[0], probability=math.nan, tested=False),)
+    changed.tested_ = changed.complete_ = False
+    sure = make_tiles(changed)[1]
+    assert (sure.state, sure.headline) == ("look", "not tested")
 
 
 def test_a_fault_of_records_comes_first_in_what_to_do_next():

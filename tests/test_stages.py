@@ -4,8 +4,7 @@ import re
 from pathlib import Path
 
 import sklearn_pgnn
-from sklearn_pgnn.cli.stages import WORDS, in_words
-from sklearn_pgnn.estimation.progress import BEST
+from sklearn_pgnn.stages import BEST, WORDS, in_words
 
 
 def test_every_stage_in_the_table_is_one_of_the_package():

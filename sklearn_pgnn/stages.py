@@ -2,12 +2,15 @@
 
 import re
 
+#: prefix of a report of the best hypothesis so far, in place of a stage
+BEST = "best candidate so far: "
 #: description of the work in each stage
 WORDS = {
     "window length": "choosing the window length",
     "candidates": "simulating the candidates",
     "needless causes": "removing unnecessary causes",
     "other causes": "trying other candidates in place of the causes",
+    "all sets": "fitting all sets of the few candidates",
     "pairs": "fitting pairs of candidates",
     "all records": "fitting all records",
     "formula": "searching for a formula",

@@ -1,0 +1,178 @@
+"""The clock of one record: counters that begin again, rows at one time, and what else it may be."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+#: sizes of counters, in the unit of the file
+COUNTERS = (*(2.0**bits for bits in (8, 10, 12, 16, 20, 24, 31, 32)), 1e3, 1e4, 1e5, 1e6)
+#: times [s] after which clocks begin again: a second, a minute, an hour, a day
+ROUNDS = (1.0, 60.0, 3_600.0, 86_400.0)
+#: how far [s] local time goes back in autumn, and a clock without AM and PM
+OF_DATES = (3_600.0, 43_200.0)
+#: largest part of the rows that may share their time with the row before, as at the events of a
+#: simulation; more of them are a clock that is too coarse
+AT_EVENTS = 0.2
+#: shortest step [s] at which a clock counts tens of thousands of seconds
+FASTEST = 2e-6
+_TOO_COARSE = (
+    "Remedy: log finer stamps, or give the sample interval: sample_time=0.01 [s] (--sample-time), "
+    "which overrides the column."
+)
+_SORT = "Remedy: sort the rows by time."
+_SPLIT = "Remedy: split the file there, or name each record in a column 'trajectory'."
+#: what a clock since 1970 shows in other units than the second, below; a question mark is none
+_EPOCHS = ((1e17, "ns"), (1e16, "?"), (1e14, "us"), (1e13, "?"), (1e11, "ms"))
+#: days that spreadsheets and MATLAB count, and astronomers
+_DAYS = ((20_000, 90_000), (700_000, 800_000), (2_440_000, 2_500_000))
+
+
+class Backward(NamedTuple):
+    """A row whose time does not increase, why, and the remedy."""
+
+    row: int
+    why: str
+
+
+def usual_step(t: np.ndarray) -> float:
+    """Return the median of the steps forward, NaN where there is none.
+
+    Examples
+    --------
+    >>> usual_step(np.array([0.0, 0.0, 0.5, 1.0, 0.5, 1.0]))
+    0.5
+    """
+    steps = np.diff(t)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if steps.size else np.nan
+
+
+def counted_on(t: np.ndarray, second: float, dated: bool = False) -> tuple[np.ndarray, float]:
+    """Return a time that goes on where its counter began again, and the counter's size, 0 if none.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time in the unit of the file.
+    second : float
+        A second in that unit.
+    dated : bool, default=False
+        Whether dates or times of day were read, which only go back by an hour or by half a day.
+
+    Examples
+    --------
+    >>> t, size = counted_on(np.array([65_500.0, 65_520.0, 4.0, 24.0]), 1e3)
+    >>> t.tolist(), size
+    ([65500.0, 65520.0, 65540.0, 65560.0], 65536.0)
+    """
+    step, drops = usual_step(t), np.flatnonzero(np.diff(t) < 0)
+    if not drops.size or not np.isfinite(step):
+        return t, 0.0
+    sizes = t[drops] - t[drops + 1] + step
+    for size in OF_DATES if dated else (*COUNTERS, *(second * r for r in ROUNDS)):
+        again = np.abs(t[drops + 1] - t[0]) < step  # then each may be a record of its own
+        if np.all(np.abs(sizes - size) <= step) and step < size / 8 and not again.any():
+            onward = np.zeros(t.size)
+            onward[drops + 1] = size
+            return t + np.cumsum(onward), size
+    return t, 0.0
+
+
+def rows_at_one_time(t: np.ndarray, same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows that repeat the one before, and those replaced by the next, at one time.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time.
+    same : ndarray of bool, shape (n_samples - 1,)
+        Whether a row's values are those of the row before.
+
+    Returns
+    -------
+    repeats, replaced : ndarray of int
+        Row numbers; there are none where so many rows share a time that the clock is too coarse.
+
+    Examples
+    --------
+    >>> t = np.array([0.0, 1.0, 1.0, 2.0, 3.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    >>> same = np.arange(9) == 1
+    >>> rows_at_one_time(t, same)
+    (array([2]), array([4]))
+    """
+    still = np.diff(t) == 0
+    repeats = np.flatnonzero(still & same) + 1
+    kept = np.delete(np.arange(t.size), repeats)
+    replaced = kept[:-1][np.diff(t[kept]) == 0]
+    if replaced.size > AT_EVENTS * kept.size:
+        return repeats[:0], replaced[:0]
+    return repeats, replaced
+
+
+def backward(t: np.ndarray) -> Backward | None:
+    """Return the first row whose time does not increase, with what its clock may be.
+
+    Examples
+    --------
+    >>> backward(np.array([0.0, 1.0, 2.0, 0.0, 1.0])).row
+    3
+    """
+    steps = np.diff(t)
+    bad = np.flatnonzero(steps <= 0)
+    if not bad.size:
+        return None
+    down = np.flatnonzero(steps < 0)
+    if down.size <= 0.01 * bad.size or not down.size:
+        return Backward(int(bad[0]) + 1, f"the stamps are too coarse. {_TOO_COARSE}")
+    row = int(down[0]) + 1
+    if down.size > 0.9 * steps.size:
+        return Backward(row, f"the rows run backward in time. {_SORT}")
+    return Backward(row, _why(t, row))
+
+
+def _why(t: np.ndarray, row: int) -> str:
+    step, drop = usual_step(t), t[row - 1] - t[row]
+    if abs(t[row] - t[0]) <= 2 * step and row > 2:
+        return f"the clock begins again, so this is another record. {_SPLIT}"
+    if drop <= 20 * step:
+        return f"the rows are out of order. {_SORT}"
+    return f"the clock goes back. {_SORT[:-1]}, or if another record begins there: {_SPLIT[8:]}"
+
+
+def other_unit(t: np.ndarray) -> str:
+    """Return the unit that a time, which is said to be in seconds, seems to have; else nothing.
+
+    Numbers above 1e11 are no seconds since 1970; a question mark stands for no unit at all. Days of
+    a spreadsheet, now about 46 000, have a step that is round in seconds, not in days.
+
+    Examples
+    --------
+    >>> other_unit(np.array([1.74e12, 1.74e12 + 20])), other_unit(45_000.0 + np.arange(9) / 86_400)
+    ('ms', 'd')
+    >>> other_unit(45_000.0 + np.arange(9) / 100)
+    ''
+    """
+    if not t.size or not np.isfinite(t).all():
+        return ""
+    size = float(np.abs(t).min())
+    unit = next((unit for least, unit in _EPOCHS if size > least), "")
+    days_told = any(low < t.min() and t.max() < high for low, high in _DAYS)
+    if unit or not days_told or t.size < 3:
+        return unit
+    if not t[0] < t[-1] <= t[0] + 0.1 * t.size:
+        return ""
+    step = float(t[-1] - t[0]) / (t.size - 1)
+    unsure = (_last_place(t) + 2 * float(np.spacing(t[-1]))) / (t.size - 1)
+    days = _is_round(86_400 * step, 86_400 * unsure) and not _is_round(step, unsure)
+    return "d" if days or step < FASTEST else ""
+
+
+def _last_place(t: np.ndarray) -> float:
+    """Return the last decimal place of numbers."""
+    return next((10.0**-k for k in range(12) if np.allclose(np.round(t, k), t, 0, 1e-11)), 1e-11)
+
+
+def _is_round(step: float, unsure: float) -> bool:
+    """Whether a step has three digits, or its rate two, as far as the step is sure."""
+    near = (float(f"{step:.3g}"), 1 / float(f"{1 / step:.2g}"))
+    return min(abs(round_one - step) for round_one in near) <= unsure

@@ -1,0 +1,34 @@
+"""Cells and lists as error messages show them: never longer than a line or two."""
+
+from collections.abc import Iterable
+from typing import Any
+
+#: longest text of a cell, of a list, and of a whole sentence
+SHORT, LISTED, SAID = 60, 300, 1200
+
+
+def cut(text: str, most: int) -> str:
+    """Return the beginning of a text that is too long.
+
+    Examples
+    --------
+    >>> cut("0123456789", 8)
+    '01234...'
+    """
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def shown(cell: Any) -> str:
+    """Return a cell, a text in quotes.
+
+    Examples
+    --------
+    >>> shown("off"), shown(1.5), len(shown(10**6 * "9"))
+    ("'off'", '1.5', 62)
+    """
+    return repr(cut(cell, SHORT)) if isinstance(cell, str) else cut(str(cell), SHORT)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names, separated by commas."""
+    return cut(", ".join(cut(name, SHORT) for name in names), LISTED)
