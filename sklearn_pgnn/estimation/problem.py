@@ -201,21 +201,7 @@ def longer(problem: EstimationProblem) -> EstimationProblem | None:
 
 
 def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None:
-    """Return the problem with windows of another length, or None if that changes nothing.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    length : float
-        Length of the windows [s]; they are shorter if there would be fewer than
-        `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`.
-
-    Returns
-    -------
-    EstimationProblem or None
-        The problem. Longer windows have more blocks, of about the old length.
-    """
+    """Return the problem with windows of another length, or None if that changes nothing."""
     windows = cut(problem.windows, length, min_samples=problem.min_samples)
     if np.array_equal(windows.starts, problem.windows.starts):
         return None
@@ -229,20 +215,7 @@ def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None
 
 
 def with_hold(problem: EstimationProblem, hold: str) -> EstimationProblem:
-    """Return the problem with another course of the inputs between samples.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    hold : {"zoh", "foh"}
-        Inputs between samples: held or linearly interpolated.
-
-    Returns
-    -------
-    EstimationProblem
-        The same windows.
-    """
+    """Return the problem with another course of the inputs between samples."""
     return _simulated(problem, hold=hold)
 
 

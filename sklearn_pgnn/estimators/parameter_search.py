@@ -74,31 +74,7 @@ def find_parameters(
     progress: PrintLine = silence,
     within_spread: bool = False,
 ) -> ParameterFit:
-    """Fit parameters of a model to windows.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model; its values are the start.
-    windowed : WindowedRecords
-        The windows.
-    names : tuple of str
-        The parameters to fit.
-    search : {"local", "global", "auto"}, default="auto"
-        Whether to start from the model's values only, to search their bounds first, or to do so
-        where the local fit leaves much more than the noise.
-    random_state : int, RandomState instance or None, default=None
-        Controls the random numbers of the global search.
-    progress : callable, optional
-        Receives a line of text at every stage.
-    within_spread : bool, default=False
-        Whether parameters stay within their spread.
-
-    Returns
-    -------
-    ParameterFit
-        The better of the fits.
-    """
+    """Fit parameters of a model to windows."""
     free = tuple(freedom_of(model, name, within_spread) for name in names)
     local = fit_locally(model, windowed, free)
     progress(f"fit from the model's values: {_left(local, windowed)}")
@@ -148,32 +124,7 @@ def find_in_free_run(
     progress: PrintLine = silence,
     within_spread: bool = False,
 ) -> ParameterFit:
-    """Fit parameters to whole records, from the model's values and from a fit to short windows.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    short : WindowedRecords
-        The records in short windows, where there are few local minima.
-    whole : WindowedRecords
-        The same records, one window each.
-    names : tuple of str
-        The parameters to fit.
-    search : {"local", "global", "auto"}, default="auto"
-        As in `find_parameters`, for the short windows.
-    random_state : int, RandomState instance or None, default=None
-        Controls the random numbers of the global search.
-    progress : callable, optional
-        Receives a line of text at every stage.
-    within_spread : bool, default=False
-        Whether parameters stay within their spread.
-
-    Returns
-    -------
-    ParameterFit
-        The better of the fits.
-    """
+    """Fit parameters to whole records, from the model's values and from a fit to short windows."""
     near = model
     if names:
         near = find_parameters(
@@ -237,26 +188,7 @@ def search_globally(
     random_state=None,
     progress: PrintLine = silence,
 ):
-    """Search between the bounds for the values from which a local fit ends lowest.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model; its values are one member of the first generation.
-    windowed : WindowedRecords
-        The windows.
-    free : tuple of ParameterPrior
-        The parameters to fit.
-    random_state : int, RandomState instance or None, default=None
-        Controls the random draw of the members.
-    progress : callable, optional
-        Receives a line of text at every generation.
-
-    Returns
-    -------
-    PhysicsModel
-        The model at the best values found.
-    """
+    """Search between the bounds for the values from which a local fit ends lowest."""
     scales = [_Scale.of(freedom) for freedom in free]
     which = _some(windowed.windows)
     windows = windowed.windows.select(which)

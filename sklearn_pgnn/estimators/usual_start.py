@@ -16,24 +16,6 @@ def with_usual_start(
 
     A machine at rest stays exactly there: what noise adds to a fitted state changes no error.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The fitted model.
-    records : sequence of Record
-        The records of the fit, as read.
-    found : ndarray of shape (n_records, n_states)
-        Initial states that the fit found, NaN for none.
-    runs : FreeRuns
-        How the model is simulated.
-    noise : ndarray of shape (n_outputs,)
-        Standard deviation of the outputs' noise.
-
-    Returns
-    -------
-    PhysicsModel
-        The model; its initial state is changed only in states that no record gives.
-
     Examples
     --------
     >>> from sklearn_pgnn.trajectories import read_records

@@ -72,24 +72,7 @@ def check_steps(steps) -> None:
 
 
 def model_machine(model: PhysicsModel, record, *, method: str | None = None, **options) -> Machine:
-    """Return a model as a `Machine` along a record.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    record : Record
-        The record, with outputs.
-    method : {"rk4", "euler", "rosenbrock"}, optional
-        Scheme of a step; by default as the model says.
-    **options
-        ``hold`` and ``substeps``, by default as the model says.
-
-    Returns
-    -------
-    Machine
-        The machine.
-    """
+    """Return a model as a `Machine` along a record."""
     hold = hold_of(model, options.get("hold"))
     steps = told_steps(model, options.get("substeps"), method) or Steps()
     acting = delayed_inputs(model, record.t, record.u, hold == "foh")

@@ -55,24 +55,7 @@ class ModelFunction:
 
 
 def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None, method: str = "rk4"):
-    """Compile a model's function.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model; its parameter values do not matter.
-    wrt : tuple of str, optional
-        Parameters to differentiate by; without it only rates and outputs are computed.
-    method : {"rk4", "euler", "rosenbrock"}, default="rk4"
-        Scheme of a step; the last needs the derivatives by the states.
-
-    Returns
-    -------
-    function : ModelFunction
-        The function; a time loop takes its `argument`, and its caller holds it until then.
-    source : Source
-        What was compiled.
-    """
+    """Compile a model's function."""
     report_calls()  # a loop that was stopped from outside may have been followed by nothing else
     source = write_source(model, wrt)
     return _compile(source, method), source

@@ -18,18 +18,7 @@ from sklearn_pgnn.user_line import warn_user
 
 
 def quantities_of(model: PhysicsModel) -> list[str]:
-    """Name a model's states, then its outputs, each once.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-
-    Returns
-    -------
-    list of str
-        The names; an output with the name of a state takes its place.
-    """
+    """Name a model's states, then its outputs, each once."""
     return list(dict.fromkeys([*model.states, *model.outputs]))
 
 
@@ -163,20 +152,6 @@ class FreeRuns:
 
 def simulate_quantities(model: PhysicsModel, records, names) -> np.ndarray:
     """Simulate every record in free run, as the model's `simulation` says.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        Time, inputs and initial states.
-    names : sequence of str
-        States and outputs to return.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_names)
-        See `FreeRuns.simulate`; a simulation has diverged if it becomes non-finite.
 
     Examples
     --------

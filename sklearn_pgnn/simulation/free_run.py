@@ -20,20 +20,6 @@ from sklearn_pgnn.trajectories.record import Record
 def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulation:
     """Simulate a record from its initial state, without a warning where it diverges.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    record : Record
-        Time, inputs and initial state.
-    **options
-        See `simulate`.
-
-    Returns
-    -------
-    Simulation
-        States and outputs; no warning is given.
-
     Examples
     --------
     >>> from sklearn_pgnn.trajectories import read_records

@@ -120,20 +120,7 @@ class Lead:
 
 
 def led_states(model: PhysicsModel, windows: "ShootingWindows") -> tuple[str, ...]:
-    """Name the states of a model that the starts of records lead to the windows.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The windows; those `states` of theirs that are known are never led.
-
-    Returns
-    -------
-    tuple of str
-        The others of which the rates hold inputs, parameters and one another only.
-    """
+    """Name the states of a model that the starts of records lead to the windows."""
     if windows.states is None or set(model.states) <= set(windows.states):
         return ()
     given = frozenset((*model.inputs, *model.parameters))
@@ -155,24 +142,7 @@ def _driven(equations, given, states) -> tuple[str, ...]:
 def lead(
     model: PhysicsModel, windows: "ShootingWindows", wrt: tuple[str, ...], x0: np.ndarray
 ) -> Lead | None:
-    """Simulate the led states from the starts of the records to the windows.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its parameters' values.
-    windows : ShootingWindows
-        The windows.
-    wrt : tuple of str
-        Parameters to differentiate by.
-    x0 : ndarray of shape (n_windows, n_states)
-        Initial states, of led ones that of the record as the window sees it.
-
-    Returns
-    -------
-    Lead or None
-        The led states; None if no state is led.
-    """
+    """Simulate the led states from the starts of the records to the windows."""
     led = led_states(model, windows)
     if not led:
         return None
@@ -240,43 +210,13 @@ def _model_of(equations, inputs, delays, settled, begun) -> PhysicsModel:
 
 
 def initial_states(model: PhysicsModel, windows: "ShootingWindows", x0: np.ndarray) -> np.ndarray:
-    """Return the initial states of windows, including led states.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its parameters' values.
-    windows : ShootingWindows
-        The windows.
-    x0 : ndarray of shape (n_windows, n_states)
-        Their initial states, of led ones that of the record.
-
-    Returns
-    -------
-    ndarray of shape (n_windows, n_states)
-        Initial states.
-    """
+    """Return the initial states of windows, including led states."""
     led = lead(model, windows, (), x0)
     return x0 if led is None else led.initial_states(x0)
 
 
 def start_values(model: PhysicsModel, windows: "ShootingWindows", x: np.ndarray) -> np.ndarray:
-    """Return the initial states of windows, of led ones that of the record.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The windows.
-    x : ndarray of shape (n_samples, n_states)
-        States at every sample.
-
-    Returns
-    -------
-    ndarray of shape (n_windows, n_states)
-        The initial states that `sklearn_pgnn.simulation.windows.evaluate` takes.
-    """
+    """Return the initial states of windows, of led ones that of the record."""
     x0, states = x[windows.starts], list(model.states)
     for place in (states.index(state) for state in led_states(model, windows)):
         x0[:, place] = x[windows.bounds[windows.record], place]

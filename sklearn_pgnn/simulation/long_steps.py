@@ -14,34 +14,13 @@ from sklearn_pgnn.trajectories.record import Record
 
 
 def usual_step(records) -> float:
-    """Return the median sample interval of records [s]; infinite if they have a sample each.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        The records.
-
-    Returns
-    -------
-    float
-        The interval.
-    """
+    """Return the median sample interval of records [s]; infinite if they have a sample each."""
     steps = np.concatenate([np.diff(record.t) for record in records])
     return float(np.median(steps)) if steps.size else np.inf
 
 
 def without_long_steps(records) -> list[Record]:
     """Return records in which no step is longer than a usual one, to find the substeps of that.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        The records.
-
-    Returns
-    -------
-    list of Record
-        The records; steps that are to be divided are as long as `usual_step`.
 
     Examples
     --------

@@ -88,33 +88,6 @@ def window_records(
 ) -> WindowedRecords:
     """Cut records into windows and get ready to estimate their initial states.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        Measured trajectories.
-    window_length : float or "trajectory", optional
-        Window length [s], or every record in one window; by default a third of the dominant
-        period of the outputs. A given length is kept: only the last window of a record
-        may be shorter, or longer by less than `MIN_SAMPLES` samples.
-    noise_std : array-like of shape (n_outputs,), optional
-        Standard deviation of every output's noise; by default estimated.
-    hold : {"zoh", "foh"}, optional
-        How inputs vary between samples; by default as the model says, else held.
-    substeps : int, optional
-        Integration steps from sample to sample; by default as the model says, else as many as
-        accuracy needs.
-    threads : int, default=1
-        Threads to simulate on.
-    levels : ndarray of shape (n_records, n_outputs), optional
-        What `noise_levels` gives, where it is known.
-
-    Returns
-    -------
-    WindowedRecords
-        The windows.
-
     Raises
     ------
     OptionError
@@ -152,20 +125,7 @@ def window_records(
 
 
 def without_gaps(records: tuple[Record, ...], window_length=None) -> tuple[Record, ...]:
-    """Cut records at gaps that are longer than a window.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Measured trajectories.
-    window_length : float or "trajectory", optional
-        As in `window_records`.
-
-    Returns
-    -------
-    tuple of Record
-        See `sklearn_pgnn.trajectories.gaps.split_at_gaps`.
-    """
+    """Cut records at gaps that are longer than a window."""
     if window_length == WHOLE:
         return records
     if not isinstance(window_length, Real):
@@ -189,18 +149,6 @@ def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
     Nor is it below a millionth of its standard deviation. Records in which an output never changes
     tell nothing of its noise. If none else is there, it counts as 1 in the output's unit; see
     `warn_of_constant_outputs`.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Measured trajectories.
-    levels : ndarray of shape (n_records, n_outputs), optional
-        What `noise_levels` gives, where it is known.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        Standard deviation of every output's noise.
     """
     y = np.concatenate([record.y for record in records])
     spread = of_measured(np.nanstd, y)
@@ -217,18 +165,6 @@ def dominant_period(records, levels: np.ndarray | None = None) -> float:
 
     It is :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`. The differences are taken over a
     stretch long enough that noise does not matter.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Measured trajectories.
-    levels : ndarray of shape (n_records, n_outputs), optional
-        What `noise_levels` gives, where it is known.
-
-    Returns
-    -------
-    float
-        The period [s], at most the longest record.
     """
     duration = max(record.t[-1] - record.t[0] for record in records)
     columns = range(records[0].y.shape[1])
@@ -281,24 +217,7 @@ def cut(
     min_windows: int = MIN_WINDOWS,
     min_samples: int = MIN_SAMPLES,
 ) -> ShootingWindows:
-    """Cut every record into windows of about equal length.
-
-    Parameters
-    ----------
-    whole : ShootingWindows
-        The records.
-    length : float
-        Wanted length [s].
-    min_windows : int, default=8
-        The windows are made shorter until there are so many in all, if the samples are enough.
-    min_samples : int, default=20
-        Fewest measured samples of a window.
-
-    Returns
-    -------
-    ShootingWindows
-        The windows.
-    """
+    """Cut every record into windows of about equal length."""
     durations = record_durations(whole)
     measured = np.add.reduceat(where_measured(whole.y), whole.bounds[:-1], dtype=int)
     most = np.maximum(measured // min_samples, 1)
@@ -310,21 +229,7 @@ def cut(
 
 
 def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
-    """Cut every record into windows of one length; the remainder at its end is one more.
-
-    Parameters
-    ----------
-    whole : ShootingWindows
-        The records.
-    length : float
-        The length [s]. A window of fewer than `MIN_SAMPLES` samples, across a gap or at the end of
-        a record, goes with the one before.
-
-    Returns
-    -------
-    ShootingWindows
-        The windows.
-    """
+    """Cut every record into windows of one length; the remainder at its end is one more."""
     edges = []
     for (a, b), duration in zip(pairwise(whole.bounds), record_durations(whole), strict=True):
         t = whole.t[a:b]
@@ -359,20 +264,7 @@ def _durations(t, starts, lengths) -> np.ndarray:
 
 
 def check_length(whole: ShootingWindows, window_length) -> float:
-    """Return the length that a user wants windows to have, or raise `OptionError`.
-
-    Parameters
-    ----------
-    whole : ShootingWindows
-        The records.
-    window_length : float
-        The length [s].
-
-    Returns
-    -------
-    float
-        The length.
-    """
+    """Return the length that a user wants windows to have, or raise `OptionError`."""
     durations = record_durations(whole)
     least = float(np.max(MIN_SAMPLES * durations / np.diff(whole.bounds)))
     least, most = min(least, durations.max()), float(durations.max())

@@ -201,28 +201,7 @@ def simulate_acting(
     wrt=None,
     usual=None,
 ) -> Simulation:
-    """Simulate a model on inputs as they act, its delays applied already.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    t : ndarray of shape (n_samples,)
-        Time [s], increasing.
-    acting : ndarray of shape (n_samples, n_inputs + n_delays)
-        See `sklearn_pgnn.simulation.inputs.delayed_inputs`.
-    x0 : ndarray of shape (n_states,)
-        Initial state.
-    method, substeps, hold, wrt
-        See `simulate`.
-    usual : float, optional
-        Usual sample interval [s] of the record that these samples are part of.
-
-    Returns
-    -------
-    Simulation
-        See `simulate`.
-    """
+    """Simulate a model on inputs as they act, its delays applied already."""
     by = () if wrt is None and method == IMPLICIT else wrt
     function, source = compile_model(model, by, method)
     nx, ny, n, nq = len(model.states), len(model.outputs), t.size, source.n_sensitivities
@@ -258,18 +237,6 @@ def simulate_acting(
 
 def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
     """Return how inputs run between samples: as given, else as in the model, else held.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    hold : {"zoh", "foh"}, optional
-        The given value, if any.
-
-    Returns
-    -------
-    {"zoh", "foh"}
-        Whether they are held or interpolated linearly.
 
     Raises
     ------
@@ -315,23 +282,7 @@ def substeps_of(model: PhysicsModel, substeps: int | None = None) -> int:
 
 
 def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
-    """Simulate the outputs of every record in free run, concatenated.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, or an extension of the one the records were read for.
-    records : tuple of Record
-        Time, inputs and initial states; a state that is not known starts at the model's
-        `initial_state`.
-    **options
-        See `simulate`.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_outputs)
-        Simulated outputs.
-    """
+    """Simulate the outputs of every record in free run, concatenated."""
     return np.concatenate(
         [simulate(model, r.t, r.u, start_of(model, r), **options).y for r in records]
     )
@@ -347,20 +298,7 @@ def start_of(model: PhysicsModel, record) -> list[float]:
 
 
 def settled_start(model: PhysicsModel, u) -> dict[str, float]:
-    """Return the model's initial state, its `settled` states at the first value of their inputs.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    u : array-like of shape (n_inputs,)
-        First sample of the inputs.
-
-    Returns
-    -------
-    dict of str to float
-        Value by state.
-    """
+    """Return the model's initial state, its `settled` states at the first value of their inputs."""
     first = dict(zip(model.inputs, map(float, u), strict=True))
     followed = {state: first[name] for state, name in model.settled.items()}
     return {**model.initial_state, **followed}

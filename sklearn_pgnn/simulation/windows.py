@@ -300,23 +300,6 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     .. math:: \varepsilon |\theta_i| \, |\partial y / \partial \theta_i| > \sigma,
 
     with the rounding :math:`\varepsilon` of a double: the simulation is then arbitrary.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its parameters' values.
-    windows : ShootingWindows
-        The windows.
-    x0 : ndarray of shape (n_windows, n_states)
-        Initial state of every window, of led states that of its record, see
-        `sklearn_pgnn.simulation.led_states`.
-    wrt : tuple of str
-        Parameters to differentiate by.
-
-    Returns
-    -------
-    Evaluation
-        Squares, gradients and residuals.
     """
     function, source = compile_model(model, tuple(wrt), windows.method)
     u, p = windows.acting_inputs(model), parameter_values(model)
@@ -360,15 +343,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
 
 
 def in_parts(run: Callable[[slice], None], windows: ShootingWindows) -> None:
-    """Work on windows, on as many threads as they say.
-
-    Parameters
-    ----------
-    run : callable
-        Called with some of the windows at a time; what becomes of one does not depend on others.
-    windows : ShootingWindows
-        The windows.
-    """
+    """Work on windows, on as many threads as they say."""
     parts = _parts(windows)
     left = iter(parts)
 
