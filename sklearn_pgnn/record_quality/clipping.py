@@ -62,8 +62,8 @@ def _is_cut(signal, piece, first, last) -> bool:
         equal = float(np.mean(np.diff(away) == 0)) if away.size > 1 else 0.0
         chance = max(signal.chance_of_equals(), equal, 1 / piece.size)
         return piece.size * chance ** (last - first - 1) < ALPHA
-    # rounding moves a second difference by up to two steps
-    return _has_kinks(piece, first, last, 2 * signal.resolution)
+    # rounding moves a second difference by up to two steps; where a counter dithers, noise by more
+    return _has_kinks(piece, first, last, 3 * signal.resolution + 4 * signal.noise)
 
 
 def _has_kinks(piece, first, last, least) -> bool:
@@ -73,6 +73,7 @@ def _has_kinks(piece, first, last, least) -> bool:
     """
     bend = np.abs(np.diff(piece, 2))  # bend[k] is the kink at sample k + 1
     edges = np.array([first - 1, last - 2])
-    near = np.clip(np.add.outer(edges, [-1, 0, 1]).ravel(), 0, bend.size - 1)
+    runs = np.flatnonzero(piece == piece[first]) - 1  # where it is cut as well
+    near = np.clip(np.add.outer(runs, [-1, 0, 1]).ravel(), 0, bend.size - 1)
     elsewhere = np.nanmax(np.delete(bend, near), initial=0.0)
     return bool(np.all(bend[edges] > max(elsewhere, least)))

@@ -158,8 +158,8 @@ def test_samples_held_for_longer_are_counted():
 def stop_and_go(rng, t):
     """A geared motor under steps of voltage: below a voltage it stands still."""
     volt, speed, turned = np.repeat(rng.normal(size=t.size // 50 + 1), 50)[: t.size], 0.0, 0.0
-    level, lag, gain = rng.uniform(0.2, 0.8), rng.uniform(0.02, 0.3), rng.uniform(0.5, 20)
     angle, dt = np.empty(t.size), t[1]
+    level, lag, gain = rng.uniform(0.2, 0.8), dt * rng.uniform(3, 30), rng.uniform(0.5, 20)
     for k, u in enumerate(volt):
         angle[k] = turned
         side = np.sign(speed) if speed else np.sign(u) * (abs(u) > level)
