@@ -67,7 +67,7 @@ class StateEstimator:
         self.known = {state: taken.values for state, taken in self._taken.items()}
         #: by states, estimates that depend on no parameter
         self._estimates: dict[tuple[str, ...], StateEstimate] = {}
-        self._outputs, self._pairs = dict(model.outputs), dict(model.slope_pairs)
+        self._shown, self._pairs = _shown(model), dict(model.slope_pairs)
         #: estimators of models whose outputs are exchanged, or whose clock runs otherwise
         self._rewired: dict[tuple, StateEstimator] = {}
 
@@ -77,8 +77,8 @@ class StateEstimator:
 
     def _of(self, model: PhysicsModel) -> "StateEstimator":
         """Return the estimator of an extension: its own where other outputs show its states."""
-        shown = tuple(model.outputs.values())
-        exchanged = shown != (before := tuple(self._outputs.values())) and set(shown) == set(before)
+        shown = _shown(model)
+        exchanged = shown != self._shown and set(shown) == set(self._shown)
         paces = [model.equations[x] / symbol(v) for v, x in self._pairs.items()]
         if not exchanged and not any(pace.is_number and pace != 1 for pace in paces):
             return self
@@ -229,6 +229,11 @@ class StateEstimator:
             run = free_run(model, windows, a, b, x0).x
             runs.append(np.where(np.abs(run) < ENDLESS, run, x0))
         return np.concatenate(runs)
+
+
+def _shown(model: PhysicsModel) -> tuple[str, ...]:
+    """Return the expressions of the outputs, as text."""
+    return tuple(str(g) for g in model.outputs.values())
 
 
 def _behind(model: PhysicsModel, smoothed: SmoothedOutput):
