@@ -22,18 +22,7 @@ EXTRA_OF = {library: extra for extra, libraries in EXTRAS.items() for library in
 
 
 def is_installed(extra: str) -> bool:
-    """Return whether the libraries of an extra are installed, without importing them.
-
-    Parameters
-    ----------
-    extra : str
-        Its name, e.g. ``"network"``.
-
-    Returns
-    -------
-    bool
-        Whether all of them can be found.
-    """
+    """Return whether the libraries of an extra are installed, without importing them."""
     return all(find_spec(library) is not None for library in EXTRAS[extra])
 
 
@@ -42,16 +31,6 @@ def needed_by(what: str) -> Iterator[None]:
     """Name the required extra if an import inside the block does not find a library.
 
     Any other error is passed on: an installed but broken library raises its own.
-
-    Parameters
-    ----------
-    what : str
-        The task that needs the library, for the error message.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        With the command that installs the extra.
     """
     try:
         yield

@@ -35,23 +35,6 @@ LOCAL = (SequentialBackend, ThreadingBackend, LokyBackend, MultiprocessingBacken
 def local_threads(n_jobs: int | None) -> int:
     """Return the number of threads on this computer for a given `n_jobs`.
 
-    Parameters
-    ----------
-    n_jobs : int or None
-        As in joblib: -1 means all cores of this computer, -2 all but one, also inside a cluster;
-        None means 1, unless a `joblib.parallel_config` of a backend that works on this computer
-        says otherwise.
-
-    Returns
-    -------
-    int
-        The number.
-
-    Raises
-    ------
-    ValueError
-        If `n_jobs` is 0.
-
     Examples
     --------
     >>> local_threads(None), local_threads(3)
@@ -69,16 +52,6 @@ def local_threads(n_jobs: int | None) -> int:
 
 def other_processes(n_jobs: int | None) -> int:
     """Return the number of processes for a given `n_jobs`, on this computer or in a cluster.
-
-    Parameters
-    ----------
-    n_jobs : int or None
-        As in joblib for its active backend.
-
-    Returns
-    -------
-    int
-        The number; 1 if no work goes to other processes, and inside such a process.
 
     Examples
     --------
@@ -206,11 +179,6 @@ def one_thread_each() -> Iterator[int]:
 
     OpenMP limits the threads of each caller, BLAS and torch those of the process: the latter are
     restored when the last of several blocks has ended, whichever that is.
-
-    Yields
-    ------
-    int
-        Threads that torch had and gets back, available for other use meanwhile; 1 without torch.
 
     Examples
     --------

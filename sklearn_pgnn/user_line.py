@@ -18,13 +18,6 @@ def warn_user(message: str | Warning, category: type[Warning] = UserWarning) -> 
     It is what ``skip_file_prefixes`` of `warnings.warn` does since Python 3.12; the number of calls
     in between may change without an effect on the line.
 
-    Parameters
-    ----------
-    message : str or Warning
-        What is to be known, and the remedy.
-    category : type of Warning, default=UserWarning
-        Its class; that of `message`, if it is a `Warning`.
-
     Examples
     --------
     >>> with warnings.catch_warnings(record=True) as caught:

@@ -20,13 +20,7 @@ UNFINISHED, YOUNG = ".sklearn_pgnn_", 60.0
 
 
 def is_stream(path: str | os.PathLike) -> bool:
-    """Return whether a path leads to a pipe or a device, which may have no end.
-
-    Raises
-    ------
-    OSError
-        If there is nothing.
-    """
+    """Return whether a path leads to a pipe or a device, which may have no end."""
     mode = os.stat(path).st_mode
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 

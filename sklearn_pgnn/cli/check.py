@@ -62,17 +62,7 @@ def check_model(model, data, sample_time=None) -> Checked:
 
 
 def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
-    """Print the result of a check.
-
-    Parameters
-    ----------
-    checked : Checked
-        The result.
-    as_json : bool
-        Whether to print it as JSON.
-    quiet : bool
-        Whether to print the warnings and the fit only.
-    """
+    """Print the result of a check."""
     look = checked.look
     if as_json:
         more = {"unused_columns": checked.unused, "converted": checked.converted}

@@ -14,23 +14,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def read_noise(words: Sequence[str], outputs: Sequence[str]) -> list[float] | None:
     """Read the noise of a model's outputs.
 
-    Parameters
-    ----------
-    words : sequence of str
-        ``"0.01"`` if there is one output, or ``"name=0.01"`` for each.
-    outputs : sequence of str
-        The model's outputs.
-
-    Returns
-    -------
-    list of float or None
-        One standard deviation per output; None if there are no words.
-
-    Raises
-    ------
-    OptionError
-        If a word has another form, or an output is missing or repeated.
-
     Examples
     --------
     >>> read_noise(["v=0.1", "x=2e-3"], ["x", "v"])
@@ -69,23 +52,6 @@ def _refuse_noise(word: str, outputs: Sequence[str]):
 def choose_effects(only: Iterable[str], not_these: Iterable[str]) -> tuple[type[Effect], ...]:
     """Choose effects of the catalogue by their ids.
 
-    Parameters
-    ----------
-    only : iterable of str
-        Ids, several with commas between; if there are none, all effects.
-    not_these : iterable of str
-        Ids to leave out.
-
-    Returns
-    -------
-    tuple of type[Effect]
-        The effects, in the catalogue's order.
-
-    Raises
-    ------
-    OptionError
-        If an id is unknown, or nothing is left.
-
     Examples
     --------
     >>> [effect.id for effect in choose_effects(["leak,cogging", "overflow"], ["leak"])]
@@ -113,25 +79,7 @@ def split(words: Iterable[str]) -> list[str]:
 
 
 def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | None:
-    """Return the quantities of a model that may be targets.
-
-    Parameters
-    ----------
-    words : iterable of str
-        Names of states, inputs, outputs and parameters, several with commas between.
-    model : PhysicsModel
-        The model.
-
-    Returns
-    -------
-    list of str or None
-        The names; None if there are no words.
-
-    Raises
-    ------
-    OptionError
-        If the model has no such name.
-    """
+    """Return the quantities of a model that may be targets."""
     names = split(words)
     check_targets(model, names)
     return names or None

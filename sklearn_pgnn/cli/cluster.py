@@ -10,18 +10,7 @@ from sklearn_pgnn.extras import needed_by
 
 @contextmanager
 def on_cluster(address: str | None) -> Iterator[None]:
-    """Let joblib spread its work over a cluster of Dask.
-
-    Parameters
-    ----------
-    address : str or None
-        Address of its scheduler, such as ``"tcp://10.0.0.1:8786"``; None for this machine alone.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If Dask's `distributed` is not installed.
-    """
+    """Let joblib spread its work over a cluster of Dask."""
     if address is None:
         yield
         return

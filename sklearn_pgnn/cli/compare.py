@@ -12,36 +12,14 @@ from sklearn_pgnn.inspection.strict_json import as_strict_json
 
 
 def write_comparison(found: DiagnosisComparison, output: str, *, force: bool, opens: bool) -> None:
-    """Write a comparison as a report.
-
-    Parameters
-    ----------
-    found : DiagnosisComparison
-        The comparison.
-    output : str
-        Output file.
-    force : bool
-        Whether a file may be replaced.
-    opens : bool
-        Whether to open it.
-    """
+    """Write a comparison as a report."""
     write_file(output, render_comparison(found), force=force)
     if opens:
         click.launch(str(Path(output).absolute()))
 
 
 def print_comparison(found: DiagnosisComparison, *, as_json: bool, quiet: bool) -> None:
-    """Print a comparison.
-
-    Parameters
-    ----------
-    found : DiagnosisComparison
-        The comparison.
-    as_json : bool
-        Whether to print it as JSON.
-    quiet : bool
-        Whether to print the differences only.
-    """
+    """Print a comparison."""
     if as_json:
         click.echo(as_strict_json(found.to_dict()), nl=False)
         return

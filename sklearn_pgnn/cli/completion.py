@@ -43,20 +43,7 @@ def complete_effects(_context, _option, begun: str) -> list[str]:
 
 
 def completion_script(command: click.Command, shell: str) -> str:
-    """Return the script that makes a shell complete the command line.
-
-    Parameters
-    ----------
-    command : click.Command
-        The whole command line.
-    shell : {"bash", "zsh", "fish"}
-        The shell.
-
-    Returns
-    -------
-    str
-        Script for the shell to evaluate.
-    """
+    """Return the script that makes a shell complete the command line."""
     variable = f"_{PROGRAM.replace('-', '_').upper()}_COMPLETE"
     kind = get_completion_class(shell)
     assert kind is not None

@@ -60,20 +60,7 @@ def run_demo(
 
 
 def write_input(folder: Path) -> tuple[Path, list[Path]]:
-    """Write the model file and the records.
-
-    Parameters
-    ----------
-    folder : Path
-        Output folder.
-
-    Returns
-    -------
-    model : Path
-        The model file.
-    data : list of Path
-        The CSV files.
-    """
+    """Write the model file and the records."""
     hidden = make_hidden_effect(
         golf_robot(),
         HIDDEN,

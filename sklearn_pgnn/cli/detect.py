@@ -44,33 +44,12 @@ class DetectJob:
         )
 
     def run(self, progress: Callable) -> Detectability:
-        """Re-tune the model, and add every effect to it.
-
-        Parameters
-        ----------
-        progress : callable
-            Called as ``progress(stage, done, total)``.
-
-        Returns
-        -------
-        Detectability
-            The smallest sizes that would be named.
-        """
+        """Re-tune the model, and add every effect to it."""
         self.diagnosis.set_params(progress=progress).fit(self.X, self.y)
         return self.diagnosis.detectability(self.effects, self.targets, power=self.power)
 
     def print_summary(self, found: Detectability, *, as_json: bool, quiet: bool) -> None:
-        """Print the smallest sizes.
-
-        Parameters
-        ----------
-        found : Detectability
-            The result.
-        as_json : bool
-            Whether to print it as JSON.
-        quiet : bool
-            Whether to print only effects that are found, and none that never is.
-        """
+        """Print the smallest sizes."""
         if as_json:
             rows = found.to_frame().to_dict("records")
             click.echo(as_strict_json({"power": found.power, "effects": rows}), nl=False)

@@ -84,23 +84,7 @@ class Job:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def run(self, progress: Callable) -> Done:
-        """Read, diagnose and write.
-
-        Parameters
-        ----------
-        progress : callable
-            Called as ``progress(stage, done, total)``.
-
-        Returns
-        -------
-        Done
-            The result.
-
-        Raises
-        ------
-        Bug
-            After an internal error; what was found in spite of it is written.
-        """
+        """Read, diagnose and write."""
         rivals = sorted(file.name for file in Path(self.output).glob(RIVALS))
         earlier = check_free(Path(self.output), [*NAMES, *rivals], force=self.force)
         progress("reading the model and the records")

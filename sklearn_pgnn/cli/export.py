@@ -94,23 +94,6 @@ def export(model, target, output, name, force, quiet, debug, **options):
 def check_options(target: str, options: dict) -> dict:
     """Return the given options, if the target accepts them and none is missing.
 
-    Parameters
-    ----------
-    target : str
-        One of `TARGETS`.
-    options : dict
-        Values by name; None if not given.
-
-    Returns
-    -------
-    dict
-        Options of the target.
-
-    Raises
-    ------
-    OptionError
-        If a required option is missing or an option is not accepted by the target.
-
     Examples
     --------
     >>> check_options("c", {"interval": 0.01, "fmi": None})
@@ -133,18 +116,7 @@ def check_options(target: str, options: dict) -> dict:
 
 
 def writer_of(target: str) -> Callable:
-    """Return the function that writes a model to a path.
-
-    Parameters
-    ----------
-    target : str
-        One of `TARGETS`.
-
-    Returns
-    -------
-    callable
-        Called as ``write(model, path, **options)``.
-    """
+    """Return the function that writes a model to a path."""
     from sklearn_pgnn import export as room
 
     texts = {"c": room.to_c, "modelica": room.to_modelica}

@@ -78,17 +78,7 @@ class FitJob:
         }
 
     def print_summary(self, output: str, *, as_json: bool, quiet: bool) -> None:
-        """Print what was fitted.
-
-        Parameters
-        ----------
-        output : str
-            Where the fitted model was written.
-        as_json : bool
-            Whether to print it as JSON.
-        quiet : bool
-            Whether to print the fit only.
-        """
+        """Print what was fitted."""
         if as_json:
             click.echo(as_strict_json(self.to_dict()), nl=False)
             return

@@ -53,18 +53,7 @@ class FleetJob:
     options: Mapping[str, Any]
 
     def run(self, progress: Callable) -> FleetDiagnosis:
-        """Diagnose the machines, and write the findings.
-
-        Parameters
-        ----------
-        progress : callable
-            Called as ``progress(stage, done, total)``.
-
-        Returns
-        -------
-        FleetDiagnosis
-            The fitted fleet.
-        """
+        """Diagnose the machines, and write the findings."""
         model, options = read_model(self.model), dict(self.options)
         own = {name: options.pop(name) for name in ("earlier", "sample_time", "n_jobs")}
         machines = machine_files(Path(self.records), options.pop("pattern"))
@@ -91,28 +80,7 @@ class FleetJob:
 
 
 def machine_files(folder: Path, pattern: str | None = None) -> dict[str, list[str]]:
-    """Return the files of every machine below a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the records.
-    pattern : str, optional
-        Names of files below the folder, with ``{machine}`` for the machine and ``*`` for anything;
-        by default every folder is a machine, with the files in it, and every file is one.
-
-    Returns
-    -------
-    dict of str to list of str
-        The files by machine, both sorted.
-
-    Raises
-    ------
-    OptionError
-        If the pattern has no ``{machine}``.
-    RecordError
-        If there is no such folder, or no file in it.
-    """
+    """Return the files of every machine below a folder."""
     if not folder.is_dir():
         raise RecordError(f"{folder}: expected a folder with the records of the machines.")
     named = _by_place if pattern is None else _reader(pattern)

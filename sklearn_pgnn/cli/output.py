@@ -75,20 +75,7 @@ def write_file(path, text: str, *, force: bool) -> None:
 
 
 def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[str, Exception]:
-    """Write the files; one whose text cannot be created does not stop the others.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they go.
-    texts : mapping of str to callable
-        Function that returns the text, by file name.
-
-    Returns
-    -------
-    dict of str to Exception
-        Error of each file that could not be created, by file name.
-    """
+    """Write the files; one whose text cannot be created does not stop the others."""
     failed = {}
     for name, make in texts.items():
         try:
@@ -102,27 +89,7 @@ def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[st
 
 
 def check_free(output: Path, names: Sequence[str], *, force: bool) -> list[str]:
-    """Refuse to replace files, unless that is wanted.
-
-    Parameters
-    ----------
-    output : Path
-        The folder.
-    names : sequence of str
-        The files that are going to be written there.
-    force : bool
-        Whether they may replace others.
-
-    Returns
-    -------
-    list of str
-        Those that are there already.
-
-    Raises
-    ------
-    OptionError
-        If there are any and none may be replaced.
-    """
+    """Refuse to replace files, unless that is wanted."""
     folders = [name for name in names if (output / name).is_dir()]
     if folders:
         raise OptionError(
@@ -173,15 +140,7 @@ def result_folder(output: Path):
 
 
 def remove_files(output: Path, names: Iterable[str]) -> None:
-    """Remove the files of an earlier result that a new one has not written again.
-
-    Parameters
-    ----------
-    output : Path
-        The folder.
-    names : iterable of str
-        The files; one that is not there is left out.
-    """
+    """Remove the files of an earlier result that a new one has not written again."""
     with held(), writing(output):
         for name in names:
             (output / name).unlink(missing_ok=True)

@@ -20,94 +20,34 @@ from sklearn_pgnn.trajectories.several_files import read_each
 def read_model_and_records(
     model: str | PathLike, data: Sequence[str | PathLike], sample_time: float | None
 ) -> tuple[PhysicsModel, pd.DataFrame, pd.DataFrame]:
-    """Read a model file and files of records.
-
-    Parameters
-    ----------
-    model : str or path-like
-        The model file.
-    data : sequence of str or path-like
-        The files of records.
-    sample_time : float or None
-        Sample interval [s], which overrides the time of the files.
-
-    Returns
-    -------
-    model : PhysicsModel
-        The model.
-    X, y : DataFrame
-        Inputs and outputs under the model's own names.
-    """
+    """Read a model file and files of records."""
     read = read_model(model)
     with told_warnings(RecordWarning):
         return read, *read_files(data, read, sample_time)
 
 
 def read_model(path: str | PathLike) -> PhysicsModel:
-    """Read a model file, and print what is doubtful in it.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The model file.
-
-    Returns
-    -------
-    PhysicsModel
-        The model.
-    """
+    """Read a model file, and print what is doubtful in it."""
     with told_warnings(ModelWarning):
         return open_model(path)
 
 
 def open_model(path: str | PathLike) -> PhysicsModel:
-    """Return the model of a model file, or that of a functional mock-up unit.
-
-    Parameters
-    ----------
-    path : str or path-like
-        A YAML file; or ``NAME.fmu``, see `sklearn_pgnn.priors.from_fmu`.
-
-    Returns
-    -------
-    PhysicsModel
-        The model.
-    """
+    """Return the model of a model file, or that of a functional mock-up unit."""
     return from_fmu(path) if Path(path).suffix == ".fmu" else PhysicsModel.from_yaml(path)
 
 
 def read_inputs(
     model: PhysicsModel, data: Sequence[str | PathLike], sample_time: float | None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Read files of records in which outputs may be missing.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    data : sequence of str or path-like
-        The files of records.
-    sample_time : float or None
-        Sample interval [s], which overrides the time of the files.
-
-    Returns
-    -------
-    X, y : DataFrame
-        Inputs, and the outputs that exist, under the model's own names.
-    """
+    """Read files of records in which outputs may be missing."""
     with told_warnings(RecordWarning):
         return read_each(open_file, data, model, sample_time, needs_outputs=False)
 
 
 @contextmanager
 def told_warnings(*kinds: type[Warning]) -> Iterator[None]:
-    """Print warnings of some categories on one line each, and no others.
-
-    Parameters
-    ----------
-    *kinds : type
-        Categories to print.
-    """
+    """Print warnings of some categories on one line each, and no others."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
         for kind in kinds:

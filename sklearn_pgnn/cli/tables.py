@@ -51,16 +51,6 @@ def cell(text: object) -> Text:
 def change(value: float, prior: float) -> str:
     """Return a change in percent; small changes are not rounded to zero, none is given from zero.
 
-    Parameters
-    ----------
-    value, prior : float
-        The number now and before.
-
-    Returns
-    -------
-    str
-        The change with its sign.
-
     Examples
     --------
     >>> change(2.1, 2.0), change(1.9998, 2.0), change(2.0, 2.0), change(1.0, 0.0)

@@ -43,26 +43,7 @@ OPTIONAL = {
 def write_template(
     path: str, like: str, records: str | None = None, *, force: bool, quiet: bool
 ) -> None:
-    """Write a commented model file.
-
-    Parameters
-    ----------
-    path : str
-        Output file.
-    like : str
-        The ready system to start from, a key of `sklearn_pgnn.cli.systems.SYSTEMS`.
-    records : str, optional
-        A file of records, whose columns are written into the comments.
-    force : bool
-        Whether a file may be replaced.
-    quiet : bool
-        Whether nothing is printed.
-
-    Raises
-    ------
-    OptionError
-        If the file exists already.
-    """
+    """Write a commented model file."""
     model = make_system(like)
     header, columns = [], {}
     if records is not None:
@@ -84,24 +65,7 @@ def commented(
     header: Sequence[str] = (),
     columns: Mapping[str, str] | None = None,
 ) -> str:
-    """Return a model as a model file with a comment on every part.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    path : str, default="model.yaml"
-        Name of the file.
-    header : sequence of str, default=()
-        The columns of a file of records, to be listed.
-    columns : mapping of str to str, optional
-        Most similar column of that file, by quantity.
-
-    Returns
-    -------
-    str
-        The YAML text.
-    """
+    """Return a model as a model file with a comment on every part."""
     lines = [HEAD.format(path=one_line(path)).rstrip()]
     if header:
         lines.append(f"# The columns of your file: {one_line(', '.join(header))}.")

@@ -50,22 +50,6 @@ class FormulaSelection:
         and either refutes them or explains the same with fewer parameters and no more terms than
         there are causes, while no subset of the causes does; a formula for what the causes leave
         is added to them.
-
-        Parameters
-        ----------
-        search : Search
-            The search.
-        result : SearchResult
-            What it found.
-        has_structure : bool
-            Whether what the causes leave depends on what was recorded.
-
-        Returns
-        -------
-        result : SearchResult
-            The result; without causes if a formula takes their place.
-        proposal : Proposal or None
-            The formula.
         """
         final, causes = result.final, result.final.hypothesis.causes
         if not (causes or has_structure):

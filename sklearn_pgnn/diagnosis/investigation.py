@@ -125,20 +125,7 @@ class Investigation:
     wiring: Rewired | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
-        """Search with one hold of the inputs, and with the other if the records support it.
-
-        Parameters
-        ----------
-        hold : {"zoh", "foh"}
-            How inputs run between samples.
-        is_told : bool
-            Whether the user or the model specifies the hold.
-
-        Returns
-        -------
-        Findings
-            What was found.
-        """
+        """Search with one hold of the inputs, and with the other if the records support it."""
         self.progress.begin("wiring")
         with self.progress.kept():
             self.wiring = find_wiring(self.model, self.records, each_step=self.progress.tick)

@@ -28,18 +28,6 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
     A name for several terms, whose coefficients must be in its proportion, comes before names for
     single ones, a parameter of the model before an effect, and a free one before a fixed one.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    formula : Formula
-        The formula for what it lacks.
-
-    Returns
-    -------
-    tuple of KnownTerms
-        Empty if the whole formula is beyond the model and the catalogue.
-
     Examples
     --------
     >>> from sklearn_pgnn import systems

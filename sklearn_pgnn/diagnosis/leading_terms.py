@@ -15,21 +15,6 @@ def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[n
     pursuit selects the column most correlated with the residual, and is misled by columns that are
     nearly collinear.)
 
-    Parameters
-    ----------
-    columns : ndarray of shape (n_samples, n_terms)
-        The library :math:`\Theta`.
-    target : ndarray of shape (n_samples,)
-        The quantity :math:`d`.
-    count : int
-        Largest number of terms.
-
-    Returns
-    -------
-    list of ndarray of shape (n_terms,)
-        Coefficients :math:`\xi` with one term, with two, and so on; the list ends where every
-        further column is a linear combination of those selected.
-
     References
     ----------
     .. [1] S. Chen, S. A. Billings, W. Luo, "Orthogonal least squares methods and their application

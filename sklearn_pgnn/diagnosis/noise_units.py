@@ -29,22 +29,7 @@ def ratio(error: float, noise: float) -> float:
 
 
 def error_together(gains: Mapping[str, Gain], records: DiagnosisRecords, which: str) -> float:
-    """Return the error of all outputs together.
-
-    Parameters
-    ----------
-    gains : mapping of str to Gain
-        Errors and noise, by output.
-    records : DiagnosisRecords
-        The records.
-    which : {"prior", "refitted", "extended", "formula"}
-        The model.
-
-    Returns
-    -------
-    float
-        The error; NaN where there is no noise.
-    """
+    """Return the error of all outputs together."""
     windows, found = records.windows, list(gains.values())
     weights = np.isfinite(windows.y).sum(axis=0) / windows.scale**2
     errors, noise = (

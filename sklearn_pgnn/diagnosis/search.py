@@ -85,18 +85,7 @@ class Search:
         self.moves = Moves(self.compare, self.ladder)
 
     def run(self, begin: FittedHypothesis | None = None) -> SearchResult:
-        """Find what is missing, or as much of it as the time allows.
-
-        Parameters
-        ----------
-        begin : FittedHypothesis, optional
-            Where to begin; by default the re-tuned prior with the causes that the records show.
-
-        Returns
-        -------
-        SearchResult
-            The accepted hypothesis and the rivals of its causes.
-        """
+        """Find what is missing, or as much of it as the time allows."""
         self.progress.counts = True
         with self.progress.kept():
             if begin is None:
@@ -144,22 +133,7 @@ class Search:
         fitter: HypothesisFitter,
         has_structure: Callable[[FittedHypothesis], bool],
     ) -> SearchResult:
-        """Fit the causes that were found, and their rivals, on other records.
-
-        Parameters
-        ----------
-        found : SearchResult
-            What was found.
-        fitter : HypothesisFitter
-            Fits hypotheses on these records.
-        has_structure : callable
-            As for `Search`, on these records.
-
-        Returns
-        -------
-        SearchResult
-            The causes that these records name; complete if the search was, and the time suffices.
-        """
+        """Fit the causes that were found, and their rivals, on other records."""
         complete = self.progress.ended is None
         rivals = {other for others in found.rivals.values() for other, _ in others}
         likely = rivals.union(found.final.hypothesis.causes)

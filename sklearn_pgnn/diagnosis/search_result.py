@@ -49,20 +49,7 @@ class SearchResult:
 def in_order(
     fitter: HypothesisFitter, base: FittedHypothesis, final: FittedHypothesis
 ) -> list[FittedHypothesis]:
-    """Add the causes of a hypothesis one by one, the most important first.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fits hypotheses.
-    base, final : FittedHypothesis
-        The re-tuned prior, and the hypothesis.
-
-    Returns
-    -------
-    list of FittedHypothesis
-        As many as there are causes, the last being the hypothesis itself.
-    """
+    """Add the causes of a hypothesis one by one, the most important first."""
     left, steps, trial = list(final.hypothesis.causes), [], base
     while len(left) > 1:
         ready = [c for c in left if not any(part.id in c.shared for part in left)]

@@ -51,20 +51,6 @@ def likelihood_intervals(
     :math:`\pm 1.96 \sigma`, where the objective has risen by :math:`c (1.96 \sigma)^2`. For a limit
     that the records hardly reach it rises by less: there the interval is extended until it has
     risen by as much, with all other parameters and the initial states fitted again.
-
-    Parameters
-    ----------
-    fitter : WindowFitter
-        The fitter of the hypothesis.
-    trial : FittedHypothesis
-        The hypothesis, at its minimum.
-    errors : mapping of str to float
-        By free parameter, its standard error :math:`\sigma` [its unit].
-
-    Returns
-    -------
-    dict of str to tuple of float
-        Lower and upper end by parameter; open (at its bounds) where a limit of the fit is reached.
     """
     sharp = curvatures(trial.fit, *_expected_starts(fitter.problem, trial))
     return {
@@ -103,22 +89,6 @@ def differs_from_none(
     with the :math:`n` fitted sizes :math:`s` and their covariance :math:`C`, robust to coloured
     residuals. The position of a limit, such as a saturation, is no size. A cause of zero size may
     reduce to a special case of it, as play reduces to a lag: the size of that counts, too.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    trial : FittedHypothesis
-        The hypothesis, fitted on all windows.
-    cause : Effect
-        One of its causes.
-    alpha : float
-        False-alarm rate of the test.
-
-    Returns
-    -------
-    bool
-        True for a cause without fitted sizes: it is either present or not.
     """
     sizes = {cause.names()[field] for field in _size_fields(cause)}
     names = [free.name for free in trial.fit.freedoms]
@@ -155,22 +125,6 @@ def leaves_something(
     with the fitted limit :math:`L`, its standard error and the lowest limit that is considered. At
     the lowest one the limit acts in nearly all samples, and the records say nothing of the
     quantity that it is said to limit: the cause then only compensates for a wrong equation.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    trial : FittedHypothesis
-        The hypothesis, fitted on all windows.
-    cause : Effect
-        One of its causes.
-    alpha : float
-        Rate at which the lowest limit is taken for a higher one.
-
-    Returns
-    -------
-    bool
-        True for a cause without a limit.
     """
     own = cause.names()
     limits = {own[q.name] for q in cause.quantities() if _is_limit_of_magnitude(q)}
@@ -211,24 +165,7 @@ def overdispersion_along(
     causes: Collection[Effect],
     residuals: Residuals,
 ) -> float:
-    """Return the overdispersion of the residuals of a hypothesis along some of its causes.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    trial : FittedHypothesis
-        The hypothesis, fitted on all windows.
-    causes : collection of Effect
-        The causes.
-    residuals : Residuals
-        Its residuals over held-out windows.
-
-    Returns
-    -------
-    float
-        The largest mean overdispersion of a cause's parameters, at least 1.
-    """
+    """Return the overdispersion of the residuals of a hypothesis along some of its causes."""
     dispersion = float((residuals.squares * residuals.times).sum() / residuals.counts.sum())
     found = overdispersion(trial.fit, *_expected_starts(problem, trial), dispersion)
     ratios = [[found[name] for name in c.names().values() if name in found] for c in causes]

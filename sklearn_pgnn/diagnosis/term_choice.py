@@ -14,24 +14,7 @@ from sklearn_pgnn.simulation.windows import evaluate
 def telling_terms(
     problem: EstimationProblem, base: FittedHypothesis, channel: str, columns: np.ndarray
 ) -> list[np.ndarray]:
-    """Select terms by their effect on the outputs, with the effect of re-tuning projected out.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    base : FittedHypothesis
-        The model without the terms.
-    channel : str
-        Where the terms are added.
-    columns : ndarray of shape (n_samples, n_terms)
-        The terms at every sample.
-
-    Returns
-    -------
-    list of ndarray of shape (n_terms,)
-        Coefficients of formulas with one term, with two, and with more; zero for all others.
-    """
+    """Select terms by their effect on the outputs, with the effect of re-tuning projected out."""
     windows, fit = problem.windows, base.fit
     responses, by_state = linear_responses(fit.model, windows, fit.evaluation.x0, channel, columns)
     tuned = [_slope_by(problem, base, place) for place in range(len(fit.freedoms))]

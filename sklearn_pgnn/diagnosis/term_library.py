@@ -13,18 +13,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def term_library(model: PhysicsModel, quantities: Iterable[str]) -> list[sympy.Expr]:
     """Return functions of one quantity, and products of functions of two.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, whose units and velocities determine which functions make sense.
-    quantities : iterable of str
-        States, inputs and the time.
-
-    Returns
-    -------
-    list of sympy.Expr
-        The terms; the first is the constant.
-
     Examples
     --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y"})

@@ -14,16 +14,6 @@ def boosted_trees() -> HistGradientBoostingRegressor:
 def groups_of(record: np.ndarray) -> np.ndarray:
     """Assign samples to groups: records, or stretches of them where there are few records.
 
-    Parameters
-    ----------
-    record : ndarray of int, shape (n_samples,)
-        The record of every sample, in increasing order; some records may have no sample.
-
-    Returns
-    -------
-    ndarray of int, shape (n_samples,)
-        The groups.
-
     Examples
     --------
     >>> groups_of(np.repeat([0, 3], 8)).tolist()

@@ -145,27 +145,6 @@ def propose(
 
     The terms are those whose effect on the outputs, along the trajectories of the model and with
     its parameters and initial states re-tuned, explains most of the residuals.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    base : FittedHypothesis
-        The model without it.
-    channel : str
-        The place.
-    each_step : callable, optional
-        Called before every filter run and every step of a fit; an exception it raises ends both.
-
-    Returns
-    -------
-    list of Proposal
-        Empty if no smoother ran to completion.
-
-    Raises
-    ------
-    SimulationError
-        If the responses to the terms become non-finite.
     """
     model, hidden = base.fit.model, hidden_input(problem, base, channel, each_step)
     if not np.all(np.isfinite(hidden.values)):
@@ -188,24 +167,7 @@ def propose_again(
     proposal: Proposal,
     each_step: Callable[[], bool | None] | None = None,
 ) -> Proposal | None:
-    """Fit a formula again that was found on other records.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    base : FittedHypothesis
-        The model without it.
-    proposal : Proposal
-        The formula.
-    each_step : callable, optional
-        As in `propose`.
-
-    Returns
-    -------
-    Proposal or None
-        None where it cannot be fitted on these records.
-    """
+    """Fit a formula again that was found on other records."""
     effect = proposal.effect
     hidden = hidden_input(problem, base, effect.target, each_step)
     again = _proposal(problem, base, hidden, effect, each_step)

@@ -15,21 +15,6 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     The errors of two wrong models may differ by chance by much more than a likelihood ratio says:
     where one of them sticks, the other slips.
 
-    Parameters
-    ----------
-    before, after : Residuals
-        Two simulations of the same samples, with their errors.
-
-    Returns
-    -------
-    float
-        Negative if the second one has the larger error; infinite if only one of them is finite.
-
-    Raises
-    ------
-    ValueError
-        If the errors are not given.
-
     References
     ----------
     .. [1] F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", Journal of Business and

@@ -76,18 +76,6 @@ def white_power(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
     over neighbours among the known samples of a window: an output may be measured less often than
     others.
 
-    Parameters
-    ----------
-    residual : ndarray of shape (n_samples, n_outputs)
-        Residuals; NaN where nothing was measured.
-    starts : ndarray of shape (n_windows,)
-        First sample of every window.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        The power; 0 where no window has two samples.
-
     Examples
     --------
     >>> rest = np.array([[1.0], [np.nan], [-1.0], [np.nan]])

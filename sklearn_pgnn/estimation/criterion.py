@@ -87,16 +87,6 @@ def explained_share(worse: Residuals, better: Residuals) -> float:
 def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Residuals]:
     """Return the free runs of the outputs for which one of two hypotheses is informative.
 
-    Parameters
-    ----------
-    first, second : HeldOut
-        Two hypotheses on the same samples.
-
-    Returns
-    -------
-    tuple of Residuals
-        Of no output where the free run is not informative at all.
-
     Examples
     --------
     >>> left, no_blocks = Residuals(*np.full((3, 2), 100.0)), np.zeros((1, 1, 2))

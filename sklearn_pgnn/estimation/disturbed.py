@@ -49,28 +49,7 @@ def disturbed_likelihood(
     variance: np.ndarray,
     each_run: Callable[[], bool | None] = lambda: None,
 ) -> float:
-    """Return the log-likelihood of held-out windows with the disturbance of largest likelihood.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    trial : FittedHypothesis
-        The hypothesis.
-    held_out : HeldOut
-        Its residuals on held-out windows, and the models fitted to the others.
-    folds : ndarray of shape (n_windows,)
-        Fold of every window.
-    variance : ndarray of shape (n_outputs,)
-        Variance of the noise of the outputs.
-    each_run : callable, optional
-        Called before every run of the filter; an exception it raises ends them.
-
-    Returns
-    -------
-    float
-        The log-likelihood up to a constant; minus infinity if the computation fails numerically.
-    """
+    """Return the log-likelihood of held-out windows with the disturbance of largest likelihood."""
     if held_out.x0 is None:
         return -np.inf
     with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -140,18 +119,7 @@ class HeldOutWindows:
             self.slopes[a:b] = -slopes
 
     def likelihoods(self, each_run: Callable[[], bool | None] = lambda: None) -> Iterator[float]:
-        """Yield the likelihood with the parameters as they are, and as estimated again.
-
-        Parameters
-        ----------
-        each_run : callable, optional
-            Called before every run of the filter.
-
-        Yields
-        ------
-        float
-            The log-likelihood, up to a constant, with the disturbance of largest likelihood.
-        """
+        """Yield the likelihood with the parameters as they are, and as estimated again."""
         found = (self._likeliest(each, each_run) for each in channels(self.problem.prior))
         best = max(found, key=lambda one: one.likelihood, default=None)
         if best is None:

@@ -58,21 +58,6 @@ class DisturbedEvidence:
         .. math:: \max(\sigma_o^2, s \min(S_{o,0}, S_{o,1}) / n_o)
 
         with the squares :math:`S_o` that the hypotheses leave and the smallest share :math:`s`.
-
-        Parameters
-        ----------
-        without, with_ : Judged
-            The hypotheses.
-        smallest_share : float
-            Smallest share of the squares that matters.
-        each_run : callable, optional
-            Called before every run of the filter.
-
-        Returns
-        -------
-        float
-            Logarithm of the ratio of the likelihoods, see `sklearn_pgnn.estimation.disturbed`; NaN
-            where neither can be computed.
         """
         before, after = without.held_out.windows, with_.held_out.windows
         squares = np.minimum(before.squares, after.squares) / np.maximum(after.counts, 1.0)

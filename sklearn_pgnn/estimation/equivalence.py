@@ -40,22 +40,6 @@ def are_equivalent(
     coordinate :math:`x + \epsilon \xi(x)` the rates change by
     :math:`\epsilon (\xi_x f - f_x \xi)` and the outputs by :math:`-\epsilon g_x \xi`.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    one, other : Effect
-        The causes.
-    retuned : bool, default=True
-        Whether the parameters are re-tuned.
-    beside : tuple of str, default=()
-        Parameters of other causes, which are fitted as well.
-
-    Returns
-    -------
-    bool
-        Whether they are equivalent.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import ConstantLoad, CoulombFriction, InputBias

@@ -78,17 +78,7 @@ class FitsAhead:
         self._seconds: dict[Task, list[float]] = {}
 
     def make(self, fitter: "HypothesisFitter", task: Task, asked: Mapping[Any, tuple]) -> None:
-        """Compute fits: some here, and the others in parallel once the first prove to take long.
-
-        Parameters
-        ----------
-        fitter : HypothesisFitter
-            The fitter that will request them.
-        task : callable
-            Makes a fit.
-        asked : mapping of hashable to tuple
-            Arguments of the task, by the name of each fit.
-        """
+        """Compute fits: some here, and the others in parallel once the first prove to take long."""
         left = dict(asked)
         while self.n_processes > 1 and len(left) > 1:
             if self._is_long(task, len(left)):

@@ -104,22 +104,6 @@ def carry_over(
     """Return initial states of another model: fitted ones where it has the same state.
 
     Where an output shows another quantity, the deviation from the expected value is kept.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        A fit.
-    before : ndarray of shape (n_windows, n_states)
-        Its expected initial states.
-    model : PhysicsModel
-        The other model.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the other model.
-
-    Returns
-    -------
-    ndarray of shape (n_windows, n_states)
-        Starting values of its initial states.
     """
     start, names = expected.copy(), list(fit.model.states)
     turned = set(unsigned_states(model)) ^ set(unsigned_states(fit.model))

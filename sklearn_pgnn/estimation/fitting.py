@@ -86,20 +86,7 @@ class HypothesisFitter(WindowFitter):
     # -- on all windows ------------------------------------------------------------------------
 
     def fit_all(self, subsample: SubsampleFit, base: FittedHypothesis) -> FittedHypothesis:
-        """Fit a hypothesis on all windows, again if its fit on the subsample has improved.
-
-        Parameters
-        ----------
-        subsample : SubsampleFit
-            The hypothesis, and the starting values of its parameters.
-        base : FittedHypothesis
-            Another hypothesis on all windows; the initial states start from its values.
-
-        Returns
-        -------
-        FittedHypothesis
-            The hypothesis.
-        """
+        """Fit a hypothesis on all windows, again if its fit on the subsample has improved."""
         hypothesis = subsample.hypothesis
         if not self._is_due(subsample):
             return self._known(hypothesis)
@@ -160,20 +147,7 @@ class HypothesisFitter(WindowFitter):
         return self._subsamples[key]
 
     def first_fit(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
-        """Fit one more cause for some steps, from the best of its starts and positions.
-
-        Parameters
-        ----------
-        subsample : SubsampleFit
-            The hypothesis without it.
-        cause : Effect
-            The cause.
-
-        Returns
-        -------
-        SubsampleFit
-            The hypothesis with it; unusable if it can act at no position.
-        """
+        """Fit one more cause for some steps, from the best of its starts and positions."""
         orders = self.models.orders(subsample.hypothesis, cause)
         if not orders:
             return self._lost(subsample.hypothesis.plus(cause), subsample)
@@ -223,18 +197,6 @@ class HypothesisFitter(WindowFitter):
         """Fit a hypothesis again, one of its causes from its starts, with the others present.
 
         An earlier fit of this cause may also have compensated for causes that were added later.
-
-        Parameters
-        ----------
-        subsample : SubsampleFit
-            The hypothesis.
-        cause : Effect
-            One of its causes.
-
-        Returns
-        -------
-        SubsampleFit
-            The hypothesis with the smallest error.
         """
         without, fits = self.reduce(subsample, cause), [subsample]
         for hypothesis in self.models.orders(without.hypothesis, cause):
@@ -259,20 +221,7 @@ class HypothesisFitter(WindowFitter):
         return self._lost(hypothesis, subsample)
 
     def converge(self, subsample: SubsampleFit, prune_above: float = np.inf) -> SubsampleFit:
-        """Continue the fit of a hypothesis to its minimum, or until it cannot fall below a limit.
-
-        Parameters
-        ----------
-        subsample : SubsampleFit
-            The hypothesis.
-        prune_above : float, optional
-            The limit.
-
-        Returns
-        -------
-        SubsampleFit
-            The hypothesis.
-        """
+        """Continue a hypothesis's fit to its minimum, or until it cannot fall below a limit."""
         known = subsample.converged or prune_above <= subsample.stays_above
         if known or not subsample.fit.usable:
             return subsample
@@ -352,20 +301,7 @@ class HypothesisFitter(WindowFitter):
         return SubsampleFit(hypothesis, self._noted(hypothesis, fit), start, converged)
 
     def start_from(self, model: PhysicsModel, base: SubsampleFit) -> Start:
-        """Return the expected initial states of a model; another one's for equal outputs.
-
-        Parameters
-        ----------
-        model : PhysicsModel
-            The model.
-        base : SubsampleFit
-            Another hypothesis.
-
-        Returns
-        -------
-        Start
-            Expected initial states of the subsample's windows.
-        """
+        """Return the expected initial states of a model; another one's for equal outputs."""
         other = base.fit.model
         same = tuple(model.states) == tuple(other.states)
         same = same and model.outputs == other.outputs

@@ -41,16 +41,6 @@ class FoldFits:
 
         Where the others are needed to determine a direction of the parameters, it is fitted to
         them, see `keep_taught`.
-
-        Parameters
-        ----------
-        which : ndarray of bool, shape (n_windows,)
-            Windows to estimate from.
-
-        Returns
-        -------
-        WindowFit
-            The fit.
         """
         fit, forgets = self.fit, SMALL_CHANGE / self.problem.n_samples
         options = {"evaluation": fit.evaluation.select(which), "min_steps": 1}
@@ -75,20 +65,7 @@ class FoldFits:
         return normal_equations(self.fit, *self.start).hessian
 
     def judge(self, learned: WindowFit, which: np.ndarray) -> WindowFit:
-        """Fit the initial states of some windows only, each from the better of two starts.
-
-        Parameters
-        ----------
-        learned : WindowFit
-            The fit to the other windows.
-        which : ndarray of bool, shape (n_windows,)
-            Windows to evaluate.
-
-        Returns
-        -------
-        WindowFit
-            The fit.
-        """
+        """Fit the initial states of some windows only, each from the better of two starts."""
         model = learned.model
         fits = [self._run(model, which, (), x0[which]) for x0 in (self.fit.x0, self.start.x0)]
         nearest = np.argmin([each.evaluation.squares for each in fits], axis=0)

@@ -80,20 +80,6 @@ def held_by(
     """Name the model's parameters that are kept fixed under a hypothesis.
 
     They are those that a cause already covers, see `held_parameters`, and those without a spread.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    hypothesis : Hypothesis
-        The causes assumed to be missing.
-    held : callable, default=held_parameters
-        Names what a cause covers, perhaps from memory.
-
-    Returns
-    -------
-    set of str
-        Their names.
     """
     spoken_for: set[str] = set()
     for place, cause in enumerate(hypothesis.causes):

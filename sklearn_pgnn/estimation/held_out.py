@@ -22,16 +22,6 @@ def make_folds(problem: EstimationProblem) -> np.ndarray:
 
     Stretches are used for a single record, or if one record holds so many of the windows that the
     others would leave too little to estimate from.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-
-    Returns
-    -------
-    ndarray of shape (n_windows,)
-        Fold of every window, counted from 0; none is empty.
     """
     folds = problem.windows.record % FOLDS
     if np.bincount(folds).max() > MOST_HELD_OUT * folds.size:
@@ -64,24 +54,7 @@ class CrossValidation:
         learn: Callable[[np.ndarray], WindowFit],
         judge: Callable[[WindowFit, np.ndarray], WindowFit],
     ) -> HeldOut:
-        """Fit every fold's windows with the parameters estimated from the others.
-
-        Parameters
-        ----------
-        fit : WindowFit
-            The fit on all windows.
-        folds : ndarray of shape (n_windows,)
-            Fold of every window.
-        learn : callable
-            Called with the windows to estimate from; returns the fit.
-        judge : callable
-            Called with this fit and the windows to evaluate; fits their initial states only.
-
-        Returns
-        -------
-        HeldOut
-            The residuals, over windows and in free run.
-        """
+        """Fit every fold's windows with the parameters estimated from the others."""
         windows = self.problem.windows
         over_windows, over_runs = (np.full(windows.y.shape, np.nan) for _ in range(2))
         variance = np.zeros(windows.y.shape)

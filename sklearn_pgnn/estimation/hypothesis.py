@@ -76,18 +76,6 @@ def _before(causes: tuple[Effect, ...], cause: Effect, new: Effect) -> tuple[Eff
 def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
     """Return whether two causes give the same model in either order, as with two targets.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    one, other : Effect
-        The causes.
-
-    Returns
-    -------
-    bool
-        Whether the equations are the same.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import ActuatorLag, InputDelay, InputSaturation
@@ -114,22 +102,7 @@ def count_parameters(cause: Effect) -> int:
 
 
 def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Effect, other: Effect) -> bool:
-    """Return whether a cause is so small that these records cannot distinguish it from another.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    model : PhysicsModel
-        The model with the cause, fitted.
-    cause, other : Effect
-        The causes, such as a delay and a lag that is shorter than half a sample.
-
-    Returns
-    -------
-    bool
-        Whether records with these samples cannot distinguish the two.
-    """
+    """Return whether a cause is so small that these records cannot distinguish it from another."""
     if cause.target != other.target or other.id not in cause.resembles:
         return False
     mine, its = cause.resembles[other.id]

@@ -13,24 +13,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 def tolerate_failures(
     failures: FailureLog, key: Key, hypothesis: Hypothesis, *what: str
 ) -> AbstractContextManager:
-    """Continue after numerical failures, and record the unusable hypothesis.
-
-    Parameters
-    ----------
-    failures : FailureLog
-        The log.
-    key : tuple of frozenset
-        Identity of the hypothesis.
-    hypothesis : Hypothesis
-        The hypothesis.
-    *what : str
-        Name of the fit, if it is not the one on all windows.
-
-    Returns
-    -------
-    context manager
-        Suppresses the errors.
-    """
+    """Continue after numerical failures, and record the unusable hypothesis."""
     return failures.tolerate((key, *what), *_described(hypothesis))
 
 

@@ -32,18 +32,7 @@ class HypothesisModels:
         self._begun: dict[tuple[Effect, ...], PhysicsModel] = {(): problem.prior}
 
     def key(self, hypothesis: Hypothesis) -> Key:
-        """Return the identity of a hypothesis: its causes, and their order where it matters.
-
-        Parameters
-        ----------
-        hypothesis : Hypothesis
-            The hypothesis.
-
-        Returns
-        -------
-        tuple of frozenset
-            Its causes, and the pairs of them that do not commute.
-        """
+        """Return the identity of a hypothesis: its causes, and their order where it matters."""
         pairs = itertools.combinations(hypothesis.order, 2)
         ordered = frozenset(pair for pair in pairs if not self._commute(frozenset(pair)))
         return frozenset(hypothesis.causes), ordered
@@ -54,21 +43,7 @@ class HypothesisModels:
         return self._commuting[pair]
 
     def orders(self, hypothesis: Hypothesis, cause: Effect) -> list[Hypothesis]:
-        """Return a hypothesis with one more cause at every position that gives another model.
-
-        Parameters
-        ----------
-        hypothesis : Hypothesis
-            Causes.
-        cause : Effect
-            One more.
-
-        Returns
-        -------
-        list of Hypothesis
-            The cause last, then before others; empty if it can act at no position, since another
-            cause has changed its target's equation.
-        """
+        """Return a hypothesis with one more cause at every position that gives another model."""
         found: dict[Key, Hypothesis] = {}
         for at in reversed(range(len(hypothesis.order) + 1)):
             placed = hypothesis.plus(cause, at)
@@ -90,37 +65,13 @@ class HypothesisModels:
         return self._equations[causes]
 
     def held(self, cause: Effect) -> tuple[str, ...]:
-        """Return the names of the prior's parameters that a cause covers.
-
-        Parameters
-        ----------
-        cause : Effect
-            The cause.
-
-        Returns
-        -------
-        tuple of str
-            Their names, see `held_parameters`.
-        """
+        """Return the names of the prior's parameters that a cause covers."""
         if cause not in self._held:
             self._held[cause] = held_parameters(self.problem.prior, cause)
         return self._held[cause]
 
     def extend(self, hypothesis: Hypothesis, values_of: PhysicsModel | None = None) -> PhysicsModel:
-        """Return the prior extended by the causes of a hypothesis.
-
-        Parameters
-        ----------
-        hypothesis : Hypothesis
-            The hypothesis.
-        values_of : PhysicsModel, optional
-            A model whose values the parameters of the same name take.
-
-        Returns
-        -------
-        PhysicsModel
-            The extended model; new parameters are at the first start of their effect.
-        """
+        """Return the prior extended by the causes of a hypothesis."""
         model = self._at_first_starts(hypothesis.order)
         values = {} if values_of is None else values_of.parameters
         known = {name: p.value for name, p in values.items() if name in model.parameters}
@@ -137,22 +88,7 @@ class HypothesisModels:
     def free(
         self, hypothesis: Hypothesis, model: PhysicsModel
     ) -> tuple[PhysicsModel, tuple[ParameterPrior, ...]]:
-        """Return a hypothesis' model with its fixed parameters, and the free ones.
-
-        Parameters
-        ----------
-        hypothesis : Hypothesis
-            The hypothesis.
-        model : PhysicsModel
-            Its model.
-
-        Returns
-        -------
-        model : PhysicsModel
-            The model; parameters that a cause covers or without a spread have their prior values.
-        freedoms : tuple of ParameterPrior
-            The other parameters.
-        """
+        """Return a hypothesis' model with its fixed parameters, and the free ones."""
         prior = self.problem.prior
         held = held_by(prior, hypothesis, lambda _, cause: self.held(cause))
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})

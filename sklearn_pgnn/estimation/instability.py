@@ -21,20 +21,7 @@ from sklearn_pgnn.simulation.source import differentiate
 
 
 def horizon(problem: EstimationProblem, model: PhysicsModel) -> float:
-    """Return the time after which noise at the start has grown to the size of the outputs [s].
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    model : PhysicsModel
-        The prior, at its re-tuned values.
-
-    Returns
-    -------
-    float
-        Infinite for a model that is not unstable, or whose equations cannot be differentiated.
-    """
+    """Return the time after which noise at the start has grown to the size of the outputs [s]."""
     rate = growth_rate(problem, model)
     louder = float(np.max(problem.typical_outputs / problem.windows.scale))
     return np.log(max(louder, 1.0)) / rate if rate > 0 else np.inf

@@ -12,20 +12,6 @@ def values_at(
 ) -> np.ndarray:
     """Evaluate expressions at points.
 
-    Parameters
-    ----------
-    expressions : sequence of sympy.Expr
-        What to evaluate.
-    points : mapping of sympy.Symbol to float or ndarray of shape (count,)
-        The symbols' values.
-    count : int
-        Number of points.
-
-    Returns
-    -------
-    ndarray of shape (len(expressions), count)
-        The values; NaN where an expression is undefined, such as the root of a negative number.
-
     Examples
     --------
     >>> x = sympy.Symbol("x", real=True)

@@ -30,26 +30,6 @@ def refit_poor_windows(
 
     Fits of models without dry friction and input-driven states, whose outputs show the sign of
     every state, are not changed.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        A fit.
-    windows : ShootingWindows
-        Its windows.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states.
-    spread : ndarray of shape (n_states,)
-        Their standard deviations.
-    tolerance : float
-        Relative decrease of the objective at which a fit ends.
-    each_step : callable, optional
-        See `fit_windows`.
-
-    Returns
-    -------
-    WindowFit
-        The better fit.
     """
     starts = _OtherStarts(fit, windows, expected)
     if not starts.which.size or not fit.usable:

@@ -266,18 +266,6 @@ def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsam
     """Take about `SAMPLES` samples: every n-th of a window, then every m-th window.
 
     If the windows are few, and so long that this is still far more, their beginnings are taken.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    squares : ndarray of shape (n_windows,)
-        Error of every window; small and large ones are taken equally.
-
-    Returns
-    -------
-    Subsample
-        The selected samples.
     """
     factor = _thinning(problem)
     thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
@@ -380,18 +368,7 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
 
 
 def with_prior_spreads(model: PhysicsModel, prior: PhysicsModel) -> PhysicsModel:
-    """Return an extended model whose parameters have the spread they had in the prior.
-
-    Parameters
-    ----------
-    model, prior : PhysicsModel
-        The extended model and the prior.
-
-    Returns
-    -------
-    PhysicsModel
-        The extended model; a parameter that was freed is no longer.
-    """
+    """Return an extended model whose parameters have the spread they had in the prior."""
     changes = {
         name: model.parameters[name].with_spread(prior.parameters[name].spread)
         for name in prior.parameters

@@ -100,38 +100,18 @@ class Progress:
             self.ended = self.ended or f"{said(error)}, at {self.stage!r}"
 
     def begin(self, stage: str, total: int = 1) -> None:
-        """Begin a stage.
-
-        Parameters
-        ----------
-        stage : str
-            Its name.
-        total : int, default=1
-            Number of its steps, as far as known.
-        """
+        """Begin a stage."""
         self.stage, self._done, self._total = stage, 0, max(total, 1)
         self.tick()
 
     def step(self) -> None:
-        """Note that one step of the stage is done.
-
-        Raises
-        ------
-        TimeIsUp
-            If the time is up.
-        """
+        """Note that one step of the stage is done."""
         self._done += 1
         self._total = max(self._total, self._done)
         self.tick()
 
     def tick(self) -> bool:
-        """Note that work goes on within a step; return whether a fit shall end with what it has.
-
-        Raises
-        ------
-        TimeIsUp
-            If the time is up, and counts.
-        """
+        """Note that work goes on within a step; return whether a fit shall end with what it has."""
         if self._report is not None:
             self._report(self.stage, self._done, self._total)
         if self._left() > 0:
@@ -142,15 +122,7 @@ class Progress:
         return True
 
     def note(self, times_noise: float, causes: str) -> None:
-        """Report causes whose error is clearly less than that of any before, at any stage.
-
-        Parameters
-        ----------
-        times_noise : float
-            Their error, in units of the noise.
-        causes : str
-            Their names.
-        """
+        """Report causes whose error is clearly less than that of any before, at any stage."""
         if times_noise >= BETTER * self._least:
             return
         self._least = times_noise

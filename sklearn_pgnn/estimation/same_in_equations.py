@@ -137,18 +137,6 @@ def expressed_parameters(model: PhysicsModel, terms: tuple[Effect, ...]) -> dict
     A small change of :math:`p` adds :math:`\partial (f, g)/\partial p` to rates and outputs; the
     terms express it if it is a combination of theirs.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model without the terms.
-    terms : tuple of Effect
-        Effects with a single parameter each, in which they are linear.
-
-    Returns
-    -------
-    dict of str to ndarray of shape (n_terms,)
-        The weights of the terms, for every parameter that they express; free ones come first.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects.formula import Formula

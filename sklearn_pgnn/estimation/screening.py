@@ -54,13 +54,6 @@ class Screening:
 
         The best hypothesis is used: with large errors a candidate may have another effect than with
         small ones.
-
-        Parameters
-        ----------
-        ground : SubsampleFit
-            The hypothesis.
-        fit : SubsampleFit
-            The hypothesis with the candidate.
         """
         if not fit.fit.usable:
             return
@@ -84,20 +77,7 @@ class Screening:
         return _View(self.windows_of(fit.fit.model), fit.fit, self.tick)
 
     def rank(self, ground: SubsampleFit, count: int = 1) -> list[tuple[float, tuple[Effect, ...]]]:
-        """Rank candidates that may be added to a hypothesis, alone or several together.
-
-        Parameters
-        ----------
-        ground : SubsampleFit
-            The hypothesis.
-        count : int, default=1
-            How many candidates are added.
-
-        Returns
-        -------
-        list of (float, tuple of Effect)
-            Expected sum of squares and the candidates, the most promising first.
-        """
+        """Rank candidates that may be added to a hypothesis, alone or several together."""
         view = self._view(ground)
         tuned = [view.slope(name) for name in _within_limits(ground.fit)]
         known = view.without_states(np.column_stack([view.residual, *tuned]))

@@ -30,16 +30,6 @@ def share_left(before: np.ndarray, after: np.ndarray) -> ShareLeft:
     The interval is that of Student's distribution on the logarithm, with the windows less one as
     its degrees of freedom.
 
-    Parameters
-    ----------
-    before, after : ndarray of shape (n_windows,)
-        Squares :math:`a_w` and :math:`b_w` of every window.
-
-    Returns
-    -------
-    ShareLeft
-        The share; its interval is unbounded with a single window.
-
     Examples
     --------
     >>> import numpy as np

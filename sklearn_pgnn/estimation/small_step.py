@@ -14,20 +14,6 @@ def small_step(windows: ShootingWindows, fit: WindowFit, place: int) -> float:
 
     with the outputs in units of the noise and :math:`c` the `SMALL_CHANGE`: it does not depend on
     the parameter's unit.
-
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The windows of the fit.
-    fit : WindowFit
-        The fit.
-    place : int
-        The parameter's place among those of the fit.
-
-    Returns
-    -------
-    float
-        The step; `SMALL_CHANGE` of the parameter's scale where no output depends on it.
     """
     steep = np.sqrt(fit.evaluation.gram[:, place, place].sum() / windows.lengths.sum())
     return SMALL_CHANGE / steep if steep > 0 else SMALL_CHANGE * fit.freedoms[place].scale

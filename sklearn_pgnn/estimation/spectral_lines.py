@@ -31,24 +31,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 def missing_rate(
     model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, state: str
 ) -> np.ndarray:
-    """Return the missing rate of a state, less the part that the parameters could explain.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The records.
-    x : ndarray of shape (n_samples, n_states)
-        Estimated states.
-    state : str
-        The state.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The missing rate [state per second].
-    """
+    """Return the missing rate of a state, less the part that the parameters could explain."""
     size, rate = windows.t.size, model.equations[state]
     table = sample_table(model, windows, x)
     explained = [sympy.Integer(1), *(sympy.diff(rate, symbol(n)) for n in model.free_parameters)]
@@ -61,43 +44,13 @@ def missing_rate(
 
 
 def slopes_by_record(windows: ShootingWindows, values: np.ndarray) -> np.ndarray:
-    """Return the slope of a signal at every sample, by differences within its record.
-
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The records.
-    values : ndarray of shape (n_samples,)
-        The signal.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The slopes [signal per second].
-    """
+    """Return the slope of a signal at every sample, by differences within its record."""
     slopes = [np.gradient(values[a:b], windows.t[a:b]) for a, b in pairwise(windows.bounds)]
     return np.concatenate(slopes)
 
 
 def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> tuple[dict, dict]:
-    """Find the tones and the ripples in the missing rates of a model's velocities.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The records.
-    x : ndarray of shape (n_samples, n_states)
-        Estimated states.
-
-    Returns
-    -------
-    tones : dict of str to tuple of float
-        Frequencies [Hz] by velocity.
-    ripples : dict of str to tuple of float
-        Periods [unit of the position] by velocity.
-    """
+    """Find the tones and the ripples in the missing rates of a model's velocities."""
     tones, ripples = {}, {}
     pairs = model.kinematic_pairs
     for state in model.states:
@@ -112,20 +65,7 @@ def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> 
 
 
 def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, ...]:
-    """Find the tones in the residuals of a fitted model.
-
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The records.
-    residual : ndarray of shape (n_samples, n_outputs)
-        Measured minus simulated outputs; NaN where nothing was measured.
-
-    Returns
-    -------
-    tuple of float
-        Frequencies [Hz].
-    """
+    """Find the tones in the residuals of a fitted model."""
     return tuple(t for column in np.nan_to_num(residual).T for t in _tones(windows, column))
 
 
@@ -136,23 +76,6 @@ def ripples_left(
 
     A force :math:`a \cos(2 \pi x/P) + b \sin(2 \pi x/P)` changes the outputs linearly; with the
     initial state of every window free, it explains as much as a regression on its two responses.
-
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The records.
-    fit : WindowFit
-        The fitted model.
-    x : ndarray of shape (n_samples, n_states)
-        Estimated states.
-    which : ndarray of int
-        The windows to use.
-
-    Returns
-    -------
-    dict of str to tuple of float
-        Periods [unit of the position] by velocity; none if the responses become
-        non-finite.
     """
     some, x0, found = windows.select(which), fit.evaluation.x0[which], {}
     some = replace(some, y=fit.evaluation.residual)

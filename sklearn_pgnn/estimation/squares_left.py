@@ -8,59 +8,20 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 def squares_by_output(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
-    """Return the squared residuals of a fit by output, with the accuracy limit of a simulation.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The fit on all its windows.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        The sums.
-    """
+    """Return the squared residuals of a fit by output, with the accuracy limit of a simulation."""
     residual, counts = _in_noise_units(problem, fit)
     return np.nansum(residual**2, axis=0) + counts * problem.resolution**2
 
 
 def white_squares(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
-    """Return the white part of the squared residuals of a fit, by output.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The fit on all its windows.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        Squared differences of neighbouring residuals.
-    """
+    """Return the white part of the squared residuals of a fit, by output."""
     residual, counts = _in_noise_units(problem, fit)
     white = white_power(residual, problem.windows.starts)
     return counts * np.maximum(white, problem.resolution**2)
 
 
 def block_squares(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
-    """Return the squared residuals of a fit by window, block and output.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The fit on all its windows.
-
-    Returns
-    -------
-    ndarray of shape (n_windows, n_blocks, n_outputs)
-        The sums; infinite in a window that is lost.
-    """
+    """Return the squared residuals of a fit by window, block and output."""
     windows = problem.windows
     sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
     sums[~np.isfinite(fit.evaluation.squares)] = np.inf

@@ -26,22 +26,6 @@ def best_start(
 
     From the most promising of all starts some steps are made on a few windows, and further ones
     from the better half.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter of models.
-    base : SubsampleFit
-        The hypothesis without the cause.
-    hypothesis : Hypothesis
-        The hypothesis with it.
-    cause : Effect
-        The cause.
-
-    Returns
-    -------
-    PhysicsModel
-        The model.
     """
     few = _Few(fitter, base, hypothesis)
     models = _at_starts(fitter, base, hypothesis, cause)

@@ -25,24 +25,7 @@ def is_long(problem: EstimationProblem) -> bool:
 def on_stretches(
     whole: EstimationProblem, records: tuple[Record, ...], options: Mapping[str, Any]
 ) -> tuple[EstimationProblem, tuple[Record, ...]]:
-    """Return the problem on the informative stretches of long records, and the stretches.
-
-    Parameters
-    ----------
-    whole : EstimationProblem
-        The problem that all records make.
-    records : tuple of Record
-        The records.
-    options : mapping
-        Options of `build_problem`; the noise is that of all records.
-
-    Returns
-    -------
-    problem : EstimationProblem
-        The smaller problem.
-    stretches : tuple of Record
-        See `telling_stretches`.
-    """
+    """Return the problem on the informative stretches of long records, and the stretches."""
     stretches, factor = telling_stretches(whole, records)
     substeps = options.get("substeps") or whole.prior.simulation.get("substeps")
     options = {
@@ -62,20 +45,6 @@ def telling_stretches(
     Half of the stretches are those in which the prior has the largest error, window by window; the
     others are spread evenly over the rest. If samples are so dense that a stretch would contain few
     windows, they are thinned.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem that all records make.
-    records : tuple of Record
-        The records.
-
-    Returns
-    -------
-    stretches : tuple of Record
-        The stretches, each a record that keeps its clock, in the order of the records.
-    factor : int
-        Every factor-th sample is kept.
     """
     size = LONG // STRETCHES
     in_window = float(np.median(problem.windows.lengths))

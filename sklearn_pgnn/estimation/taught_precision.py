@@ -11,17 +11,6 @@ def keep_taught(fold: np.ndarray, others: np.ndarray) -> np.ndarray | None:
     Directions of the parameters keep the others' estimates, except those on which the others have
     less than `SMALL_CHANGE` of the fold's information.
 
-    Parameters
-    ----------
-    fold, others : ndarray of shape (n_parameters, n_parameters)
-        Inverse covariances of the parameters by the fold and by the others.
-
-    Returns
-    -------
-    ndarray of shape (n_parameters, n_parameters) or None
-        Inverse covariance of the parameters about the others' estimates; None if all directions
-        keep them.
-
     Examples
     --------
     >>> keep_taught(np.diag([1.0, 5.0]), np.diag([3.0, 1.0])) is None

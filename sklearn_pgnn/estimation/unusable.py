@@ -47,17 +47,7 @@ class FailureLog:
         self._lost.setdefault(key, Unusable(effect, target, f"{reason}{beside}"))
 
     def absorb(self, other: "FailureLog", key: Hashable, *what: str) -> None:
-        """Copy the entries of another log about one item, whose key begins with another name.
-
-        Parameters
-        ----------
-        other : FailureLog
-            The log.
-        key : hashable
-            Name of the item in this log.
-        *what : str
-            The rest of the key.
-        """
+        """Copy the entries of another log about one item, whose key begins with another name."""
         for (_, *about), one in other._lost.items():
             if tuple(about) == what:
                 self._lost.setdefault((key, *what), one)

@@ -210,24 +210,7 @@ class WindowFitter:
         return self.key(hypothesis) in self._trials
 
     def rise(self, trial: FittedHypothesis, name: str, value: float, small: float) -> float:
-        """Return the rise of the objective with one parameter held and the others fitted.
-
-        Parameters
-        ----------
-        trial : FittedHypothesis
-            The hypothesis, at its minimum.
-        name : str
-            A free parameter.
-        value : float
-            Its held value [its unit].
-        small : float
-            Rise that does not matter.
-
-        Returns
-        -------
-        float
-            The rise, in squares of the noise; infinite where nothing can be simulated.
-        """
+        """Return the rise of the objective with one parameter held and the others fitted."""
         fit = trial.fit
         (own,) = (freedom for freedom in fit.freedoms if freedom.name == name)
         held = self.fit_model(
@@ -303,16 +286,6 @@ class WindowFitter:
 
         Among several fits of a hypothesis the one with the smallest error counts: another may have
         been stuck with some records held out.
-
-        Parameters
-        ----------
-        trial : FittedHypothesis
-            The hypothesis, fitted on all windows.
-
-        Returns
-        -------
-        HeldOut
-            The residuals, over windows and in free run.
         """
         key = self.key(trial.hypothesis)
         fit, known = self._held_out.get(key, (None, None))
@@ -336,20 +309,7 @@ class WindowFitter:
     def evidence_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, smallest_share: float
     ) -> float:
-        """Return the evidence for the second of two hypotheses, each with a disturbance.
-
-        Parameters
-        ----------
-        without, with_ : FittedHypothesis
-            The hypotheses, fitted on all windows.
-        smallest_share : float
-            Smallest share of the squares that matters.
-
-        Returns
-        -------
-        float
-            See `DisturbedEvidence.evidence`.
-        """
+        """Return the evidence for the second of two hypotheses, each with a disturbance."""
         less, more = (
             Judged(self.key(trial.hypothesis), trial, self.held_out(trial))
             for trial in (without, with_)
@@ -365,16 +325,6 @@ class WindowFitter:
 
         Parameters fitted to other windows cannot have a smaller error than those fitted to all of
         them, unless the latter are not at the minimum.
-
-        Parameters
-        ----------
-        trial : FittedHypothesis
-            The hypothesis, fitted on all windows.
-
-        Returns
-        -------
-        FittedHypothesis
-            The hypothesis.
         """
         found, left = self.held_out(trial), self.squares_by_output(trial).sum()
         if found.x0 is None or not is_clearly_less(found.windows.squares.sum(), left):
@@ -394,16 +344,6 @@ class WindowFitter:
         A prior runs away that predicts no output better over windows than its mean does, in windows
         of fewer samples than usual no better than is possible without a model. What predicts none
         better than that only ends it.
-
-        Parameters
-        ----------
-        trial : FittedHypothesis
-            The hypothesis; it may be the re-tuned prior.
-
-        Returns
-        -------
-        bool
-            False wherever the re-tuned prior does not run away.
         """
         of_prior, left = (self.held_out(each).windows.squares for each in (self.base(), trial))
         if (of_prior < self.problem.squares_of_no_use).any():

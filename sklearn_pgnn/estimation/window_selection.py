@@ -30,18 +30,6 @@ def select_windows(
     Windows are halved, or doubled, while the error per sample in them is small, or grows with their
     length no faster than that of a model with a random disturbance. Windows in which an unstable
     prior runs away from the records tell nothing: they are halved on, down to a few samples.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem with windows of the usual length.
-    progress : Progress, optional
-        Receives every step of a fit.
-
-    Returns
-    -------
-    HypothesisFitter
-        The fitter, on windows of the selected length.
     """
     fitter = HypothesisFitter(problem, progress)
     while fitter.base().times_noise > FOLLOWED and (cut := shorter(fitter.problem)) is not None:
@@ -150,15 +138,7 @@ def _slowest(fitter: HypothesisFitter) -> float:
 
 
 def check_prior(fitter: HypothesisFitter, names: Sequence[str]) -> None:
-    """Raise `RecordError` if the prior cannot be simulated, whatever its parameters.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter.
-    names : sequence of str
-        Names of the records.
-    """
+    """Raise `RecordError` if the prior cannot be simulated, whatever its parameters."""
     fit, windows = fitter.base().fit, fitter.problem.windows
     lost = np.flatnonzero(~np.isfinite(fit.evaluation.squares))
     if not lost.size:

@@ -24,20 +24,7 @@ def free_values(model: PhysicsModel) -> int:
 
 
 def squares_without_model(windows: ShootingWindows, n_values: int) -> np.ndarray:
-    """Return the squares that polynomials leave, in units of the noise.
-
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The windows.
-    n_values : int
-        Coefficients of every polynomial, see `free_values`.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        Sums over all windows.
-    """
+    """Return the squares that polynomials leave, in units of the noise."""
     left = np.zeros(windows.y.shape[1])
     for start, length in zip(windows.starts, windows.lengths, strict=True):
         rows = slice(start, start + length)

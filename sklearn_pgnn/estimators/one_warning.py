@@ -12,12 +12,6 @@ from sklearn_pgnn.user_line import warn_user
 def one_simulation_warning() -> Iterator[list[str]]:
     """Issue the first `SimulationWarning` of a block at its end, with the number of the others.
 
-    Yields
-    ------
-    list of str
-        The names of trajectories in which a simulation failed, where its message does not say so;
-        the block appends them.
-
     Examples
     --------
     >>> with warnings.catch_warnings(record=True) as caught:

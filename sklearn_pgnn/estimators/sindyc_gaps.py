@@ -41,17 +41,7 @@ def steps_in_gap(t: np.ndarray, measured: np.ndarray, longest: float) -> np.ndar
 
 
 def warn_of_gaps(gaps: np.ndarray, durations: np.ndarray, names: list[str]) -> None:
-    """Warn where much of the records' time lies in gaps.
-
-    Parameters
-    ----------
-    gaps : ndarray of bool, shape (n_samples, n_columns)
-        Whether the step after a sample lies in a gap of a column.
-    durations : ndarray of shape (n_samples,)
-        Durations of these steps [s].
-    names : list of str
-        The columns.
-    """
+    """Warn where much of the records' time lies in gaps."""
     lost = durations[gaps.any(axis=1)].sum() / durations.sum()
     if lost > MUCH:
         warn_user(f"y: {100 * lost:.0f} % of the time lies in gaps {_of(gaps, names)}, and no rate "

@@ -90,18 +90,6 @@ def _read_entry(entry, names, degree, model) -> list[sympy.Expr]:
 def polynomial(names: Sequence[str], degree: int) -> list[sympy.Expr]:
     """Return the monomials of the quantities up to a degree, beginning with the constant.
 
-    Parameters
-    ----------
-    names : sequence of str
-        The quantities.
-    degree : int
-        Highest degree.
-
-    Returns
-    -------
-    list of sympy.Expr
-        The monomials.
-
     Examples
     --------
     >>> polynomial(["x", "u"], 2)

@@ -156,24 +156,7 @@ class Detectability:
 def detect(
     analysis: PowerAnalysis, cause: Effect, power: float, multiples: Sequence[float] = ()
 ) -> Detectable:
-    """Find the smallest size of an effect that the diagnosis would name.
-
-    Parameters
-    ----------
-    analysis : PowerAnalysis
-        The fitted model on the records.
-    cause : Effect
-        The effect.
-    power : float
-        Required probability of naming it.
-    multiples : sequence of float, default=()
-        Further multiples of the smallest size at which to compute the power.
-
-    Returns
-    -------
-    Detectable
-        The smallest size, and the power as a function of size.
-    """
+    """Find the smallest size of an effect that the diagnosis would name."""
     sizes = _Sizes(analysis, cause)
     curve: dict[float, float] = {}
     for low in 10.0 ** -np.arange(DECADES + 1.0):  # a large size may be too much for the machine
@@ -268,28 +251,7 @@ def detect_all(
     n_jobs: int | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Detectable, ...]:
-    """Find the smallest size of every effect that has a size and is not yet in the model.
-
-    Parameters
-    ----------
-    analysis : PowerAnalysis
-        The fitted model on the records.
-    candidates : sequence of Effect
-        The effects.
-    power : float
-        Required probability of naming each.
-    multiples : sequence of float, default=()
-        Further multiples of the smallest sizes at which to compute the power.
-    n_jobs : int, optional
-        Number of effects processed in parallel, by joblib.
-    progress : callable, optional
-        Called as ``progress("effects", done, total)`` before the first and after every effect.
-
-    Returns
-    -------
-    tuple of Detectable
-        One per effect.
-    """
+    """Find the smallest size of every effect that has a size and is not yet in the model."""
     fitting = [cause for cause in candidates if _fits(analysis.model, cause)]
     report = progress or (lambda stage, done, total: None)
     found: list[Detectable] = []

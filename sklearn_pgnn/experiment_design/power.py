@@ -76,24 +76,6 @@ class Noise:
         those along it, :math:`(s + e)^2` with a normal error :math:`e` of the variance that the
         noise has in this direction. The autocovariances of signal and noise add up, and so do their
         autocorrelation times, weighted by their squares.
-
-        Parameters
-        ----------
-        size : ndarray of shape (n_outputs,)
-            Norm of the signal.
-        times : ndarray of shape (n_outputs,)
-            Its autocorrelation time in samples.
-        along : ndarray of shape (n_outputs,)
-            Variance of the noise along it.
-        rng : Generator
-            Draws.
-        count : int
-            Number of draws.
-
-        Returns
-        -------
-        list of (Residuals, Residuals)
-            The residuals without a model of the signal, and with it.
         """
         before, after = self._draw_squares(size, along, rng, count)
         both = self._times_with(size, times)
@@ -178,18 +160,6 @@ def strength_along(noise: np.ndarray, signal: np.ndarray, time: float) -> float:
 
     With the autocovariance :math:`c` of the noise and the autocorrelation :math:`\rho` of the
     signal it is :math:`\sum_k c(k)\,\rho(k)`, tapered over the correlation length of the noise.
-
-    Parameters
-    ----------
-    noise, signal : ndarray of shape (n_samples,)
-        The noise, NaN where there is none, and the signal.
-    time : float
-        Integrated autocorrelation time of the noise, in samples.
-
-    Returns
-    -------
-    float
-        The variance.
     """
     known, noise = int(np.count_nonzero(np.isfinite(noise))), np.nan_to_num(noise)
     power = float(signal @ signal)
@@ -257,20 +227,7 @@ class PowerAnalysis:
     # -- what an effect shows ------------------------------------------------------------------
 
     def windows_with(self, effect: Effect, bare: Effect | None) -> ShootingWindows | None:
-        """Return the windows with the outputs that an effect of some size causes, without noise.
-
-        Parameters
-        ----------
-        effect : Effect
-            The effect.
-        bare : Effect or None
-            The same effect at zero size, where it is not neutral even then.
-
-        Returns
-        -------
-        ShootingWindows or None
-            The windows; None where a simulation diverges.
-        """
+        """Return the windows with the outputs that an effect of some size causes, without noise."""
         shown = [self._evaluate(each) for each in (None, effect, bare)]
         if not all(np.isfinite(each.squares).all() for each in shown):
             return None
@@ -305,22 +262,7 @@ class PowerAnalysis:
     # -- the power -----------------------------------------------------------------------------
 
     def power(self, effect: Effect, bare: Effect | None = None, retuned: bool = True) -> float:
-        """Return the probability that the criterion names an effect.
-
-        Parameters
-        ----------
-        effect : Effect
-            The effect.
-        bare : Effect or None, default=None
-            The same effect at zero size, where it is not neutral even then.
-        retuned : bool, default=True
-            Whether the model is re-tuned to the outputs with the effect.
-
-        Returns
-        -------
-        float
-            The power; NaN where a simulation becomes non-finite.
-        """
+        """Return the probability that the criterion names an effect."""
         windows = self.windows_with(effect, bare)
         if windows is None:
             return np.nan

@@ -212,20 +212,6 @@ def put_in_place(
 
     If a later cause could then not act, because the new cause changes its target's equation, the
     new cause is moved behind it, as late as it can act.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    causes : tuple of Effect
-        The causes, in the order in which they apply.
-    old, new : Effect
-        The cause to take out and the one to put in.
-
-    Returns
-    -------
-    Hypothesis
-        The causes, in an order in which every one can act, if there is any.
     """
     at, models = causes.index(old), HypothesisModels(problem)
     rest = Hypothesis(tuple(cause for cause in causes if cause != old))
@@ -298,20 +284,7 @@ def _beyond(records, y) -> bool:
 
 
 def are_same(records: DiagnosisRecords, cause: Effect, other: Effect) -> bool:
-    """Return whether two causes are equivalent in the equations, beside the other causes.
-
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records and the fits.
-    cause, other : Effect
-        The causes.
-
-    Returns
-    -------
-    bool
-        Whether no record separates them.
-    """
+    """Return whether two causes are equivalent in the equations, beside the other causes."""
     beside = tuple(each for each in records.causes if each not in (cause, other))
     model = _extend(records, beside)
     both_act = all(each.can_act(each.target, model) for each in (cause, other))
@@ -326,26 +299,7 @@ def separate(
     reach: float = 1.0,
     each_step: Callable[[], bool | None] | None = None,
 ) -> Separation:
-    """Find the experiments that would separate two causes.
-
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records and the fits.
-    cause, other : Effect
-        The named cause, and the one that explains the records as well.
-    criterion : SelectionCriterion
-        The rule by which one of two causes is refuted.
-    reach : float, default=1
-        Largest amplitude, as a multiple of that in the records.
-    each_step : callable, optional
-        Called before every step of a fit; an exception it raises ends the search.
-
-    Returns
-    -------
-    Separation
-        The experiments, the most informative first.
-    """
+    """Find the experiments that would separate two causes."""
     pair = Candidate(cause.id, cause.target), Candidate(other.id, other.target)
     if are_same(records, cause, other):
         return Separation(*pair, equivalent=True)
@@ -420,18 +374,7 @@ def _repeats(noise: Noise, left: _Shown, n_new: int, needed: float) -> float:
 
 
 def plain_separation(separation: Separation) -> dict:
-    """Return a separation as plain data for JSON.
-
-    Parameters
-    ----------
-    separation : Separation
-        How two causes can be separated by experiment.
-
-    Returns
-    -------
-    dict
-        Plain data.
-    """
+    """Return a separation as plain data for JSON."""
     return {
         "cause": plain(separation.cause),
         "other": plain(separation.other),

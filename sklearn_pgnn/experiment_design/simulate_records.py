@@ -80,23 +80,7 @@ def with_verdict(
     row: Detectable,
     diagnose: Callable[[pd.DataFrame, pd.DataFrame], Iterable[Collection[tuple[str, str]]]],
 ) -> Detectable:
-    """Run the diagnosis itself on records with an effect at its smallest size.
-
-    Parameters
-    ----------
-    analysis : PowerAnalysis
-        The fitted model on the records.
-    row : Detectable
-        The effect and its smallest size.
-    diagnose : callable
-        Called with X and y; returns each named cause as a group of effects and targets that cannot
-        be distinguished.
-
-    Returns
-    -------
-    Detectable
-        The row, with whether the effect was named, alone or in a group.
-    """
+    """Run the diagnosis itself on records with an effect at its smallest size."""
     if row.at_smallest is None:
         return row
     groups = diagnose(*inject(analysis, row.at_smallest, analysis.seed))

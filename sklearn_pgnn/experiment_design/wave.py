@@ -74,20 +74,6 @@ class Wave:
 def waves(period: float, duration: float, sample_time: float) -> list[Wave]:
     """Return the waves to try on a machine.
 
-    Parameters
-    ----------
-    period : float
-        Dominant period of the machine [s].
-    duration : float
-        Length of the experiment [s].
-    sample_time : float
-        Time from sample to sample [s].
-
-    Returns
-    -------
-    list of Wave
-        The waves.
-
     Examples
     --------
     >>> [str(wave) for wave in waves(1.0, 10.0, 0.1)][:2]

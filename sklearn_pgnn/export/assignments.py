@@ -45,16 +45,6 @@ class Assignments:
 def rates_of(model: PhysicsModel) -> Assignments:
     """Return the assignments for a model's rates.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-
-    Returns
-    -------
-    Assignments
-        One result per state.
-
     Examples
     --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
@@ -65,18 +55,7 @@ def rates_of(model: PhysicsModel) -> Assignments:
 
 
 def outputs_of(model: PhysicsModel) -> Assignments:
-    """Return the assignments for a model's outputs.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-
-    Returns
-    -------
-    Assignments
-        One result per output.
-    """
+    """Return the assignments for a model's outputs."""
     first = len(model.states)
     return _wanted(model, range(first, first + len(model.outputs)))
 

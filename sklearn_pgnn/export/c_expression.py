@@ -42,21 +42,6 @@ class CPrinter:
     def number(self, value: float) -> str:
         """Return a number's literal, with every digit that the precision holds.
 
-        Parameters
-        ----------
-        value : float
-            The number.
-
-        Returns
-        -------
-        str
-            Its literal.
-
-        Raises
-        ------
-        ModelError
-            If single precision cannot hold it.
-
         Examples
         --------
         >>> CPrinter().number(2), CPrinter(single=True).number(0.1)
@@ -70,18 +55,6 @@ class CPrinter:
 
     def write(self, expression: ast.expr, names: Mapping[str, str]) -> str:
         """Return an expression in C.
-
-        Parameters
-        ----------
-        expression : ast.expr
-            The expression.
-        names : mapping of str to str
-            Name in C, where it differs.
-
-        Returns
-        -------
-        str
-            Its text.
 
         Examples
         --------

@@ -56,18 +56,7 @@ class Machine:
         self.dry = dry_states(model)
 
     def content(self, *, with_rates: bool = True) -> dict[str, Any]:
-        """Return the template's variables.
-
-        Parameters
-        ----------
-        with_rates : bool, default=True
-            Whether the model is stepped.
-
-        Returns
-        -------
-        dict of str to object
-            The variables by name.
-        """
+        """Return the template's variables."""
         model, number = self.model, self.printer.number
         rates, outputs = rates_of(model) if with_rates else None, outputs_of(model)
         uses_time = any(code.uses_time for code in (rates, outputs) if code is not None)
@@ -117,13 +106,7 @@ class Machine:
         return f", const {PRECISIONS[self.precision]} {name}[{count}]" if count else ""
 
     def about(self) -> list[str]:
-        """Return the lines that describe the machine.
-
-        Returns
-        -------
-        list of str
-            The lines, without comment markers.
-        """
+        """Return the lines that describe the machine."""
         model = self.model
         told = {"states": model.states, "inputs": model.inputs, "outputs": model.outputs}
         lines = [
@@ -134,20 +117,7 @@ class Machine:
         return [*lines, "", *comment(model.to_text(), lines=True)]
 
     def written(self, code: Assignments, further: Mapping[str, float] | None = None) -> dict:
-        """Return the body of a straight-line function.
-
-        Parameters
-        ----------
-        code : Assignments
-            Assignments of the function.
-        further : mapping of str to float, optional
-            Values of parameters that the model itself does not have.
-
-        Returns
-        -------
-        dict
-            ``declared`` and ``results``, lines of C, and ``unused``, the unused arguments.
-        """
+        """Return the body of a straight-line function."""
         real = PRECISIONS[self.precision]
         names, declared = {}, []
         for local, (array, place) in code.places.items():
@@ -214,13 +184,7 @@ class Machine:
         return self.printer.number(self.model.initial_state[state])
 
     def time(self) -> str:
-        """Return the time of the current sample.
-
-        Returns
-        -------
-        str
-            Its expression.
-        """
+        """Return the time of the current sample."""
         real = PRECISIONS[self.precision]
         return f"({real})machine->sample*{self.printer.number(self.interval)}"
 
@@ -277,20 +241,7 @@ def machine_of(model, interval, *, precision, parameters, name, method, substeps
 
 
 def render(template: str, content: Mapping[str, Any]) -> str:
-    """Return a template of this package with its variables filled in.
-
-    Parameters
-    ----------
-    template : str
-        Its file name.
-    content : mapping of str to object
-        The variables.
-
-    Returns
-    -------
-    str
-        The text.
-    """
+    """Return a template of this package with its variables filled in."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     place = files("sklearn_pgnn.export")

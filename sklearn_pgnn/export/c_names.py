@@ -19,16 +19,6 @@ RESERVED = frozenset({*_KEYWORDS.split(), *_TAKEN.split(), *FUNCTIONS}) | {
 def c_name(text: str) -> str:
     """Return a text as an identifier of C99.
 
-    Parameters
-    ----------
-    text : str
-        Any text, such as a model's name.
-
-    Returns
-    -------
-    str
-        Letters, digits and underscores; a letter that C does not allow becomes its code point.
-
     Examples
     --------
     >>> c_name("golf robot"), c_name("μ"), c_name("2 tanks")
@@ -40,18 +30,6 @@ def c_name(text: str) -> str:
 
 def c_names(texts: Iterable[str], taken: Collection[str] = RESERVED) -> dict[str, str]:
     """Return a unique identifier for every text, none of them taken.
-
-    Parameters
-    ----------
-    texts : iterable of str
-        Names of quantities.
-    taken : collection of str, optional
-        Identifiers that are not available; by default those of C and of the code.
-
-    Returns
-    -------
-    dict of str to str
-        Identifier by name.
 
     Examples
     --------

@@ -94,18 +94,6 @@ _NO_INSTANCE = {
 def fmi_stubs(fmi: int, exchanges: bool = False) -> list[dict]:
     """Return the functions that only report that they are not supported.
 
-    Parameters
-    ----------
-    fmi : {2, 3}
-        Version of FMI.
-    exchanges : bool, default=False
-        Whether the unit is also one for model exchange.
-
-    Returns
-    -------
-    list of dict
-        For the template: ``kind``, ``name``, ``taken``, ``arguments`` and ``returned``.
-
     Examples
     --------
     >>> fmi_stubs(2)[0]["taken"]

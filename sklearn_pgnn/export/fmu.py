@@ -170,18 +170,7 @@ def _check(model, fmi, compiler) -> None:
 
 
 def exchanges(machine: Machine) -> bool:
-    """Return whether rates and outputs define the model, so that any solver can integrate it.
-
-    Parameters
-    ----------
-    machine : Machine
-        The model.
-
-    Returns
-    -------
-    bool
-        Whether it has neither dry friction nor delayed inputs.
-    """
+    """Return whether rates and outputs define the model, so that any solver can integrate it."""
     return not any(machine.dry) and not machine.model.delays
 
 

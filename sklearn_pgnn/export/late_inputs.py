@@ -39,18 +39,6 @@ class LateInput:
 def late_inputs(model: PhysicsModel, interval: float) -> list[LateInput]:
     """Return the delayed inputs of a model.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, with its delays at their values.
-    interval : float
-        Sample interval [s].
-
-    Returns
-    -------
-    list of LateInput
-        The delayed inputs, in the order of the model's delays.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import InputDelay
@@ -69,16 +57,6 @@ def late_inputs(model: PhysicsModel, interval: float) -> list[LateInput]:
 
 def past_names(late: list[LateInput]) -> list[str]:
     """Return the names of the past samples that a step needs.
-
-    Parameters
-    ----------
-    late : list of LateInput
-        The delayed inputs.
-
-    Returns
-    -------
-    list of str
-        Names of the samples of every input, the latest first.
 
     Examples
     --------

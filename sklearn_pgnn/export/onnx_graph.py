@@ -73,20 +73,7 @@ class Graph:
         return [Value(self, name) for name in given]
 
     def columns(self, value: "Value", count: int) -> list["Value"]:
-        """Return the columns of a matrix, each of width one.
-
-        Parameters
-        ----------
-        value : Value
-            The matrix.
-        count : int
-            Its width.
-
-        Returns
-        -------
-        list of Value
-            The columns.
-        """
+        """Return the columns of a matrix, each of width one."""
         if count < 2:
             return [value][:count]
         sizes = self.constant(np.ones(count, dtype=np.int64))
@@ -114,18 +101,7 @@ class Graph:
         return Value(self, name)
 
     def function(self, name: str) -> Callable:
-        """Return a function by its name in C.
-
-        Parameters
-        ----------
-        name : str
-            Name such as ``"sin"``.
-
-        Returns
-        -------
-        callable
-            Function from `Value` to `Value`.
-        """
+        """Return a function by its name in C."""
         return lambda *parts: self.add(_FUNCTIONS[name], *parts)
 
     def _name(self, part) -> str:

@@ -53,23 +53,7 @@ class Change:
 def changes_between(
     before: Mapping[str, Machine], now: Iterable[Machine], rate: float
 ) -> tuple[Change, ...]:
-    """Return what changed, the surest first.
-
-    Parameters
-    ----------
-    before : mapping of str to Machine
-        The machines the last time, by name.
-    now : iterable of Machine
-        The machines; those that are new count as unchanged.
-    rate : float
-        Largest expected share of chance changes among the reported quantities: with many machines,
-        some estimates always leave their intervals.
-
-    Returns
-    -------
-    tuple of Change
-        The changes.
-    """
+    """Return what changed, the surest first."""
     pairs = [(before[m.name], m) for m in now if m.name in before and m.found is not None]
     pairs = [(old, new) for old, new in pairs if old.found is not None]
     found = [change for pair in pairs for change in _of_causes(*pair)]
@@ -90,16 +74,6 @@ def chance_of(quantity: Quantity) -> float:
     r"""Return the probability of so large a difference between estimates of one number.
 
     .. math:: p = 2\,\Phi\!\left(-\frac{|a - b|}{\sqrt{s_a^2 + s_b^2}}\right)
-
-    Parameters
-    ----------
-    quantity : Quantity
-        Value and 95 % interval at two times.
-
-    Returns
-    -------
-    float
-        The probability; NaN where one is not known, or has no interval.
 
     Examples
     --------

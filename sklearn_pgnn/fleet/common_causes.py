@@ -47,16 +47,6 @@ class FleetCause:
 def common_causes(machines: Iterable[Machine]) -> tuple[FleetCause, ...]:
     """Return the causes that are named in a fleet, the most frequent first.
 
-    Parameters
-    ----------
-    machines : iterable of Machine
-        The machines, the surest first; those without a diagnosis do not count.
-
-    Returns
-    -------
-    tuple of FleetCause
-        The causes.
-
     Examples
     --------
     >>> found = {"verdict": "cause_named", "gain": {}, "causes": [

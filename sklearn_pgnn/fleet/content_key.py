@@ -27,16 +27,6 @@ OURS = ("sklearn_pgnn.", "builtins", "abc")
 def content_key(*parts: str | bytes) -> str:
     """Return one hash of several parts.
 
-    Parameters
-    ----------
-    *parts : str or bytes
-        What a result depends on.
-
-    Returns
-    -------
-    str
-        Hexadecimal digits.
-
     Examples
     --------
     >>> content_key("ab", "c") == content_key("a", "bc")
@@ -99,25 +89,7 @@ def records_key(X, y) -> str:
 
 
 def files_key(paths: Iterable[str | PathLike], sample_time: float | None) -> str:
-    """Return the hash of files of records: their names and their present contents.
-
-    Parameters
-    ----------
-    paths : iterable of str or path-like
-        The files.
-    sample_time : float or None
-        Time from sample to sample [s] of files without a time.
-
-    Returns
-    -------
-    str
-        Hexadecimal digits.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    """
+    """Return the hash of files of records: their names and their present contents."""
     contents = (part for path in map(Path, paths) for part in _contents(path))
     return content_key(repr(sample_time), *contents)
 

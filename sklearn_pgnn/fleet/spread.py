@@ -151,18 +151,6 @@ def first_ones(chances: Sequence[float] | np.ndarray, rate: float) -> np.ndarray
     At most the share `rate` of the selected ones is expected to be due to chance alone: of the
     sorted values, the largest :math:`k` with :math:`p_{(k)} \le k\,\text{rate}/n` and all below it.
 
-    Parameters
-    ----------
-    chances : array-like of shape (n,)
-        Probabilities of so large a difference by chance; NaN is never chosen.
-    rate : float
-        The share.
-
-    Returns
-    -------
-    ndarray of bool of shape (n,)
-        Whether each is chosen.
-
     Examples
     --------
     >>> first_ones([0.5, 0.001, 0.04, 0.9], 0.05).tolist()

@@ -46,20 +46,7 @@ class Store:
         return sorted(json.loads(file.read_text(encoding="utf-8"))["machine"] for file in files)
 
     def load(self, name: str, key: str | None = None) -> Machine | None:
-        """Return a finished machine; None if it is not finished, or its hash differs.
-
-        Parameters
-        ----------
-        name : str
-            The machine.
-        key : str, optional
-            The hash of what its result must depend on; by default anything.
-
-        Returns
-        -------
-        Machine or None
-            The machine.
-        """
+        """Return a finished machine; None if it is not finished, or its hash differs."""
         place = self.place(name)
         about = _read(place / FINISHED)
         if about is None or key not in (None, about["key"]):
@@ -68,15 +55,7 @@ class Store:
         return Machine(name, found, about["failed"], about["seconds"], tuple(about["warned"]))
 
     def save(self, outcome: Outcome, key: str) -> None:
-        """Save the outcome of a machine; it counts as finished with the last file.
-
-        Parameters
-        ----------
-        outcome : Outcome
-            The outcome.
-        key : str
-            The hash of all that the outcome depends on.
-        """
+        """Save the outcome of a machine; it counts as finished with the last file."""
         place = self.place(outcome.name)
         place.mkdir(parents=True, exist_ok=True)
         remove_leftovers(place)

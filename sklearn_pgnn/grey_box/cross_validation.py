@@ -39,25 +39,7 @@ def judge(
     hidden: np.ndarray,
     window: int,
 ) -> FoldResult:
-    """Fit a depth without the hidden samples, and compare its free run with them.
-
-    Parameters
-    ----------
-    fit : callable
-        Takes the records and the mask of the visible samples.
-    table : PlainTable
-        The records.
-    hidden : ndarray of bool, shape (n_samples,)
-        Samples that the fit must not see.
-    window : int
-        Number of first samples of wholly hidden trajectories from which an unknown initial state is
-        estimated; they do not count.
-
-    Returns
-    -------
-    FoldResult
-        The errors.
-    """
+    """Fit a depth without the hidden samples, and compare its free run with them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the final fit gives them again
         fitted = fit(table, ~hidden)
@@ -77,17 +59,7 @@ def counted(table: PlainTable, hidden: np.ndarray, window: int) -> np.ndarray:
 
 
 def check_window(table: PlainTable, folds: list[np.ndarray], window: int) -> None:
-    """Raise `OptionError` if no fold has a measured sample to evaluate on.
-
-    Parameters
-    ----------
-    table : PlainTable
-        The records.
-    folds : list of ndarray of bool, shape (n_samples,)
-        Hidden samples of every fold.
-    window : int
-        Number of first samples of wholly hidden trajectories, which do not count.
-    """
+    """Raise `OptionError` if no fold has a measured sample to evaluate on."""
     measured = where_measured(table.y)
     if any((counted(table, hidden, window) & measured).any() for hidden in folds):
         return

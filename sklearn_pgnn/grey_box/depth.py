@@ -72,20 +72,7 @@ class FittedDepth:
         return np.asarray(predicted).reshape(len(table.X), -1)
 
     def predict_from_each(self, X: pd.DataFrame, starts: np.ndarray) -> np.ndarray:
-        """Simulate one trajectory from every one of several initial states.
-
-        Parameters
-        ----------
-        X : DataFrame of shape (n_samples, n_columns)
-            The trajectory, of a `PlainTable`.
-        starts : ndarray of shape (n_starts, n_states)
-            The initial states.
-
-        Returns
-        -------
-        ndarray of shape (n_starts, n_samples, n_outputs)
-            Predicted outputs; no warning is given of those that diverge.
-        """
+        """Simulate one trajectory from every one of several initial states."""
         n = len(starts)
         copies = X.iloc[np.tile(np.arange(len(X)), n)].reset_index(drop=True)
         copies["trajectory"] = np.repeat(np.arange(n), len(X))
@@ -195,26 +182,6 @@ def find_unknown_starts(
 
     They are estimated with the predicting estimator itself: a network's training error says how
     close its own run comes to the measurements, not that of the model in it.
-
-    Parameters
-    ----------
-    fitted : FittedDepth
-        The estimator that predicts.
-    table : PlainTable
-        The trajectories, their first samples measured.
-    known : ndarray of shape (n_trajectories, n_states)
-        Initial states that are known, NaN for those to be estimated.
-    met : ndarray of shape (n_samples, n_states)
-        States met in training.
-    window : int
-        Number of samples that may be used; with 0 a state starts as the model says.
-    noise : ndarray of shape (n_outputs,)
-        Error of the outputs in training.
-
-    Returns
-    -------
-    ndarray of shape (n_trajectories, n_states)
-        Initial states.
     """
     if not window:
         return usual(fitted.model, known)

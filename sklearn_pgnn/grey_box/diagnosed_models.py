@@ -91,20 +91,6 @@ def diagnosed_models(
     """Return the models of the depths that follow from a diagnosis.
 
     They take no function of the time from one record, unless folds judge it on others.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        The fitted diagnosis.
-    model : PhysicsModel
-        The prior.
-    judges_new_records : bool
-        Whether folds hide whole trajectories.
-
-    Returns
-    -------
-    dict of str to PhysicsModel
-        By the name of the depth.
     """
     extended, part = diagnosis.extended_model_, diagnosis.discrepancy_
     models = {

@@ -30,25 +30,6 @@ def find_initial_state(
     the states reached in training. Some of these states are tried, and the best are refined to
     their minima.
 
-    Parameters
-    ----------
-    run : callable
-        Predicts: takes initial states of shape (n_starts, n_states), and returns outputs of shape
-        (n_starts, n_samples, n_outputs).
-    told : ndarray of shape (n_states,)
-        The known part of the initial state, which is kept; NaN where unknown.
-    y : ndarray of shape (n_samples, n_outputs)
-        Measured outputs of the first samples; NaN where there is none.
-    met : ndarray of shape (n_met, n_states)
-        States reached in training.
-    noise : ndarray of shape (n_outputs,)
-        Error of the outputs in training.
-
-    Returns
-    -------
-    ndarray of shape (n_states,)
-        The initial state.
-
     Examples
     --------
     >>> decay = np.exp(-np.arange(5) / 20)[None, :, None]

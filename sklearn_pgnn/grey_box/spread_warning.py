@@ -9,14 +9,7 @@ SEVERAL = 2
 
 
 def warn_of_spreads(prior: PhysicsModel, retuned: PhysicsModel) -> None:
-    """Warn if several parameters ended at the limits of their spreads.
-
-    Parameters
-    ----------
-    prior, retuned : PhysicsModel
-        See `at_spread_ends`; re-tuned together with the named causes, since the parameters of a
-        model without a cause may be distorted by what the cause explains.
-    """
+    """Warn if several parameters ended at the limits of their spreads."""
     names = at_spread_ends(prior, retuned)
     if len(names) < SEVERAL:
         return

@@ -15,22 +15,7 @@ MOST = 100
 def expected_autocorrelation(
     records: DiagnosisRecords, fit: FittedWindows, lags: int
 ) -> np.ndarray:
-    """Return the expected autocorrelation of a model's residuals over windows in white noise.
-
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records of a diagnosis.
-    fit : FittedWindows
-        The model on its windows.
-    lags : int
-        Largest lag [samples].
-
-    Returns
-    -------
-    ndarray of shape (lags, n_outputs)
-        By lag, from 1 on.
-    """
+    """Return the expected autocorrelation of a model's residuals over windows in white noise."""
     spread = records.problem.states.estimate(fit.model).spread
     return absorbed_autocorrelation(records.windows, fit.model, fit.x0, spread, lags)
 

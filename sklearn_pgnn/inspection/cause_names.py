@@ -6,16 +6,6 @@ from sklearn_pgnn.physics.effects import find_effect
 def cause_name(effect: str, target: str) -> str:
     """Return the plain name of an effect on its target.
 
-    Parameters
-    ----------
-    effect, target : str
-        Id of an effect, of the catalogue or user-defined, and its target.
-
-    Returns
-    -------
-    str
-        The title given by the effect, see `Effect.title`.
-
     Examples
     --------
     >>> cause_name("coulomb_friction", "omega"), cause_name("wrong_parameter", "J")

@@ -29,18 +29,7 @@ line { stroke-width: 3; }
 
 
 def render_comparison(comparison: DiagnosisComparison) -> str:
-    """Return a comparison as HTML.
-
-    Parameters
-    ----------
-    comparison : DiagnosisComparison
-        Two diagnoses.
-
-    Returns
-    -------
-    str
-        The HTML text; names and units are escaped.
-    """
+    """Return a comparison as HTML."""
     one, other = map(escape, comparison.names)
     items = "".join(f"<li>{escape(text)}</li>" for text in comparison.differences)
     tables = "".join(map(_table, comparison.tables))

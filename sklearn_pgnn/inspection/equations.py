@@ -56,20 +56,6 @@ class Equation:
 def equations_of(model: PhysicsModel, other: PhysicsModel, *, marks: bool = True) -> list[Equation]:
     """Write a model's equations, delays and those outputs that differ from another model's.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    other : PhysicsModel
-        The model it is compared with.
-    marks : bool, default=True
-        Whether to mark the terms that the other model lacks.
-
-    Returns
-    -------
-    list of Equation
-        State by state, then outputs, then delays.
-
     Examples
     --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})

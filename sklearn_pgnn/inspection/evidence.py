@@ -42,18 +42,7 @@ def find_evidence(diagnosis, cause) -> Evidence:
 
 
 def evidence_of(case: Case) -> Evidence:
-    """Return the evidence for the cause of a case.
-
-    Parameters
-    ----------
-    case : Case
-        A cause and the records.
-
-    Returns
-    -------
-    Evidence
-        Points of the records and the law of the cause.
-    """
+    """Return the evidence for the cause of a case."""
     curve = case.effect.characteristic(case.full)
     drawn = None if curve is None else DRAWN[curve.shows](case, curve)
     return residual_over_time(case) if drawn is None else drawn

@@ -14,18 +14,6 @@ _PARTS = re.compile(r"([^\W\d_]++)(?!\^|\*\*|[²³\d])(.*)")
 def prefixed_unit(unit: str, power: int) -> str:
     """Return the unit of which there are ten to a power in another; empty where it has no name.
 
-    Parameters
-    ----------
-    unit : str
-        The other unit.
-    power : int
-        The power of ten.
-
-    Returns
-    -------
-    str
-        The unit.
-
     Examples
     --------
     >>> prefixed_unit("mm", -3), prefixed_unit("mm/s", 3), prefixed_unit("kg", 3)

@@ -9,16 +9,6 @@ from sklearn_pgnn.estimation.plain_data import finite
 def as_strict_json(data: Mapping) -> str:
     """Return plain data as strict JSON; null where a number is not finite.
 
-    Parameters
-    ----------
-    data : mapping
-        Texts, numbers and containers of both, of NumPy as well.
-
-    Returns
-    -------
-    str
-        The text, with an end of line.
-
     Examples
     --------
     >>> print(as_strict_json({"free_run": float("inf")}), end="")

@@ -72,18 +72,7 @@ class ExternalFunction:
         self._nothing = (math.nan,) * len(self.results)
 
     def at(self, point: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the results at a point, NaN where the function raises; the error is recorded.
-
-        Parameters
-        ----------
-        point : tuple of float
-            The arguments; `UNUSED` for those that the result does not depend on.
-
-        Returns
-        -------
-        tuple of float
-            The results. Those at the most recent points are cached.
-        """
+        """Return the results at a point, NaN where the function raises; the error is recorded."""
         found = self._known.get(point)
         if found is None:
             if len(self._known) >= KEPT:
@@ -114,18 +103,6 @@ def external_function(
     token: str | None = None,
 ) -> ExternalFunction:
     """Return a function that equations can call; the same one for the same callable.
-
-    Parameters
-    ----------
-    call, name, arguments, results, n_parameters
-        See `ExternalFunction`.
-    token : str, optional
-        Represents the content of `call`; by default the pickled content does.
-
-    Returns
-    -------
-    ExternalFunction
-        The function.
 
     Examples
     --------
@@ -273,22 +250,6 @@ def external(
     function: ExternalFunction, result: int, places: tuple[int, ...], by: tuple[int, ...] = ()
 ) -> type[External]:
     """Return the class of calls of one result of a function.
-
-    Parameters
-    ----------
-    function : ExternalFunction
-        The function.
-    result : int
-        Index of the result.
-    places : tuple of int
-        The arguments that the result depends on.
-    by : tuple of int, default=()
-        Those of `places` with respect to which the result is differentiated.
-
-    Returns
-    -------
-    type
-        To be called with expressions, one for each of `places`.
 
     Examples
     --------

@@ -6,18 +6,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def shown_by(model: PhysicsModel, output: str) -> tuple[str, ...]:
     """Return the state that an output measures directly, then the velocity of that position.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    output : str
-        One of its outputs.
-
-    Returns
-    -------
-    tuple of str
-        The names; empty if the output measures something else.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics import systems

@@ -8,18 +8,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def at_spread_ends(prior: PhysicsModel, retuned: PhysicsModel) -> tuple[str, ...]:
     """Return the parameters that reached an end of their spread before their bounds.
 
-    Parameters
-    ----------
-    prior : PhysicsModel
-        The model with prior values, spreads and bounds.
-    retuned : PhysicsModel
-        The model with values re-tuned within their spreads.
-
-    Returns
-    -------
-    tuple of str
-        Their names.
-
     Examples
     --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(k*u - y)/T"}, {"T": 2.0, "k": 1.0}, {"u": "V"})
@@ -33,16 +21,6 @@ def at_bounds(retuned: PhysicsModel) -> tuple[str, ...]:
     """Return the parameters at a bound of the model file that is not zero.
 
     Nothing physical ends at such a bound as a friction or a mass does at zero.
-
-    Parameters
-    ----------
-    retuned : PhysicsModel
-        The model with re-tuned values and bounds.
-
-    Returns
-    -------
-    tuple of str
-        Their names.
 
     Examples
     --------

@@ -10,16 +10,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def model_terms(model: PhysicsModel) -> list[sympy.Expr]:
     """Return a model's states, inputs and the terms of its rates, without constant factors.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model. Parameters inside a nonlinear function are kept at their values.
-
-    Returns
-    -------
-    list of sympy.Expr
-        The terms.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.systems import cart_on_spring

@@ -9,22 +9,7 @@ from sklearn_pgnn.physics.scales import Scales
 
 
 def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
-    """Return a typical value of every kind of unit that an effect may depend on.
-
-    Parameters
-    ----------
-    target : str
-        Target of the effect.
-    model : PhysicsModel
-        The model to extend.
-    scales : Scales
-        Magnitudes of the signals of the records.
-
-    Returns
-    -------
-    dict of str to float
-        The values: ``s`` and ``target`` and, for a state, ``velocity``, ``force`` and ``position``.
-    """
+    """Return a typical value of every kind of unit that an effect may depend on."""
     scale = {"s": scales.window, "target": scales.typical.get(target, 1.0)}
     if target in model.states:
         pair = model.kinematic_pairs.get(target)
@@ -36,20 +21,6 @@ def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[st
 
 def typical_inertia(target: str, model: PhysicsModel, scales: Scales) -> float:
     """Return the inertia that multiplies a state's rate, 1 where the model has none.
-
-    Parameters
-    ----------
-    target : str
-        The state.
-    model : PhysicsModel
-        The model.
-    scales : Scales
-        Magnitudes of the signals of the records.
-
-    Returns
-    -------
-    float
-        Its magnitude at the start of a record, for typical values of states and inputs.
 
     Examples
     --------
@@ -73,18 +44,6 @@ class _OneIfUnknown(dict):
 
 def typical_value(template: str, scale: Mapping[str, float]) -> float:
     """Return the typical value of a quantity from the template of its unit, 1 if it has none.
-
-    Parameters
-    ----------
-    template : str
-        The unit, as an effect's field states it: ``"{force}*s"``.
-    scale : mapping of str to float
-        Values as returned by `typical_by_kind`.
-
-    Returns
-    -------
-    float
-        The value.
 
     Examples
     --------

@@ -74,19 +74,6 @@ def unknown_units(model: PhysicsModel) -> tuple[str, ...]:
 def output_measure(model: PhysicsModel, output: str) -> "Quantity | None":
     """Return the measure of an output by its expression, if no number in it may be a conversion.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    output : str
-        One of its outputs.
-
-    Returns
-    -------
-    pint.Quantity or None
-        What it measures; a quantity without a unit counts as a plain number. None if there is a
-        numerical factor or a unit is unknown.
-
     Examples
     --------
     >>> geared = PhysicsModel({"w": "rad/s"}, {"w": "-w"}, {"n": 10.0},

@@ -130,28 +130,6 @@ def called_function(
 
     The arguments that each result depends on are determined at many fixed random points: an
     equation calls the function with these only, and the others are NaN in the call.
-
-    Parameters
-    ----------
-    function : callable
-        Function of ``(t, x, u, p)``.
-    what : str
-        Description of its results, for error messages.
-    named : PhysicsModel
-        Model that names states, inputs and parameters.
-    names : sequence of str or None
-        Names of the results, in order; None if the function returns them by name.
-
-    Returns
-    -------
-    Called
-        The equations.
-
-    Raises
-    ------
-    ModelError
-        If the function computes no result at any point, results of the wrong kind, or different
-        results in repeated calls.
     """
     parts = (tuple(named.states), tuple(named.inputs), tuple(named.parameters))
     call = NumericFunction(function, parts, None if names is None else tuple(names))

@@ -44,26 +44,6 @@ def check_data_quality(
 ) -> Iterator[Finding]:
     """Yield the faults of the records that limit a diagnosis.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    names : sequence of str
-        What the records are called.
-    whole : sequence of Record
-        The records as they were read, with their gaps.
-    base, final : WindowFit
-        The re-tuned prior and the extended model.
-    best : WindowFit, optional
-        With a formula for what no cause explains: it drifts less than one that lacks a part.
-    each_step : callable, optional
-        Called before every check, and every step of its fits; an exception it raises ends all.
-
-    Yields
-    ------
-    Finding
-        A fault.
-
     Notes
     -----
     Every check of one quantity gives a false alarm in at most one of a thousand faultless sets of
@@ -118,16 +98,6 @@ def clipped_outputs(problem: EstimationProblem) -> tuple[str, ...]:
     """Return the outputs that stand still at an end of their range though they are noisy elsewhere.
 
     That is the sensor: the machine itself may stand still at its stop, but its noise would not.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-
-    Returns
-    -------
-    tuple of str
-        Outputs.
     """
     model, windows = problem.prior, problem.windows
     names = [""] * (windows.bounds.size - 1)
@@ -145,18 +115,7 @@ def _signals(model, quantities, windows: ShootingWindows, values, names) -> list
 
 
 def find_few_windows(windows: ShootingWindows) -> Finding | None:
-    """Return a finding if the windows are too few for a held-out evaluation.
-
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The windows of the diagnosis.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-    """
+    """Return a finding if the windows are too few for a held-out evaluation."""
     count = len(windows)
     if count >= MIN_WINDOWS:
         return None

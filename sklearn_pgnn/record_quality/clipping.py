@@ -14,16 +14,6 @@ def find_clipping(signal: Signal) -> Finding | None:
     if :math:`n\,p^{R-1} < \alpha`; without noise, it must begin and end with kinks sharper than
     any other in the record. Before and after an experiment a machine may rest, and a speed be zero
     without noise: there a run tells nothing.
-
-    Parameters
-    ----------
-    signal : Signal
-        The output.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
     """
     runs = []
     for limit in (np.nanmin(signal.values), np.nanmax(signal.values)):

@@ -14,18 +14,6 @@ from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | None:
     """Find samples that are missing from a regular clock.
 
-    Parameters
-    ----------
-    times : sequence of ndarray of shape (n_samples,)
-        Time of every record [s].
-    records : sequence of str
-        What the records are called.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-
     Examples
     --------
     >>> find_gaps([np.delete(np.arange(50) * 0.1, [20, 21])], ["a"]).value
@@ -57,18 +45,6 @@ def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | 
 def find_unused_samples(times: Sequence[np.ndarray], used: int) -> Finding | None:
     """Find that many samples lie between gaps, in pieces too short to be records.
 
-    Parameters
-    ----------
-    times : sequence of ndarray of shape (n_samples,)
-        Time of every record [s].
-    used : int
-        Samples of the pieces that are records.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-
     Examples
     --------
     >>> find_unused_samples([np.arange(50.0), np.arange(50.0)], used=90).value
@@ -95,18 +71,7 @@ def _sample_time(t: np.ndarray) -> float:
 
 
 def find_jitter(signals: Sequence[Signal]) -> Finding | None:
-    """Find a clock so uneven that it moves an output by a part of its noise.
-
-    Parameters
-    ----------
-    signals : sequence of Signal
-        The outputs.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-    """
+    """Find a clock so uneven that it moves an output by a part of its noise."""
     found = [_jitter(signals, record) for record in range(len(signals[0].times))]
     uneven = [finding for finding in found if finding is not None]
     return max(uneven, key=lambda finding: finding.value, default=None)

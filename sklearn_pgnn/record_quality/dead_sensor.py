@@ -14,18 +14,6 @@ def find_dead_sensor(signal: Signal, residual: Signal) -> Finding | None:
 
     A machine at rest is no fault: its model rests, too.
 
-    Parameters
-    ----------
-    signal : Signal
-        The output.
-    residual : Signal
-        What a fitted model leaves of it.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-
     Examples
     --------
     >>> moving, still, t = np.sin(np.arange(50.0)), np.zeros(50), np.arange(50.0)

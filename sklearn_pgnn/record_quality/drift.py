@@ -131,18 +131,7 @@ def _drift(problem, names, alone, errors) -> Finding:
 
 
 def find_uneven_noise(signal: Signal) -> Finding | None:
-    """Find records that are noisier than others by more than twice.
-
-    Parameters
-    ----------
-    signal : Signal
-        The output.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-    """
+    """Find records that are noisier than others by more than twice."""
     measured = [bool(np.isfinite(piece).any()) for piece in signal.pieces]
     timed = list(compress(zip(signal.pieces, signal.times, strict=True), measured))
     records = list(compress(signal.records, measured))

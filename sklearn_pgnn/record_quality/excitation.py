@@ -19,16 +19,6 @@ from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 def find_dull_input(signal: Signal) -> Finding | None:
     """Find an input that never changes or has two values only.
 
-    Parameters
-    ----------
-    signal : Signal
-        The input.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-
     Examples
     --------
     >>> still = Signal("u", "V", [np.ones(9)], [np.arange(9.0)], ["a"])
@@ -57,16 +47,6 @@ def find_first_steps(inputs: Sequence[Signal]) -> Finding | None:
     """Find that inputs change between records only: every record begins with its step.
 
     What acted before a record is taken to be what its first sample says.
-
-    Parameters
-    ----------
-    inputs : sequence of Signal
-        All inputs.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
 
     Examples
     --------
@@ -100,18 +80,6 @@ def find_blind_parameters(problem: EstimationProblem, base: WindowFit) -> list[F
     :math:`v_i = [(H + \mathrm{diag}(\sigma^{-2}))^{-1}]_{ii}`. A parameter is reported if a record
     with the same clock and range of inputs, but many sines, would settle more than twice as much
     of :math:`\sigma_i^2`. What no record settles is not reported.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    base : WindowFit
-        The re-tuned prior.
-
-    Returns
-    -------
-    list of Finding
-        A finding a parameter.
 
     References
     ----------

@@ -26,25 +26,6 @@ def imitators(
     other, whose span holds the first at the samples of the records but for twice what that of all
     leaves, or the law of the input.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its values.
-    windows : ShootingWindows
-        The records.
-    x : ndarray of shape (n_samples, n_states)
-        States.
-    name : str
-        The input.
-    left : float
-        Share of the input's variance that the law leaves.
-
-    Returns
-    -------
-    tuple of str
-        Names of parameters, and of effects with their targets; empty where the law has the shape
-        of nothing that the model or the catalogue has.
-
     Examples
     --------
     >>> cart = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "(F - k*x - d*v)/m"},

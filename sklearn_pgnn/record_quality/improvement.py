@@ -13,18 +13,6 @@ def is_better(worse: WindowFit, better: WindowFit, n_parameters: int) -> bool:
 
     The squares must fall by more than noise lets them, :math:`\hat\sigma^2 \chi^2_q`, and the
     root errors of the blocks on average, as a t test says.
-
-    Parameters
-    ----------
-    worse, better : WindowFit
-        The fits, of the same windows.
-    n_parameters : int
-        How many parameters the better one has more.
-
-    Returns
-    -------
-    bool
-        Whether it is better.
     """
     count = np.isfinite(worse.evaluation.residual).sum()
     noise = better.squares / max(count - n_parameters, 1)

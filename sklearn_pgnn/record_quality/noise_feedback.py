@@ -25,16 +25,6 @@ def find_closed_loop(
     It is looked for only where the model leaves no more than noise, and counts only where the
     noise makes up a part of :math:`\nu`.
 
-    Parameters
-    ----------
-    outputs, inputs, left : sequence of Signal
-        The quantities, and what the extended model leaves of the outputs.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-
     References
     ----------
     .. [1] L. D. Haugh, "Checking the independence of two covariance-stationary time series",

@@ -13,18 +13,6 @@ def find_quantisation(signal: Signal, left: float = 0.0) -> Finding | None:
     :math:`q^2/12`; below, its error depends on the signal. Where a model leaves more than a step,
     it is not the steps that stand in the way.
 
-    Parameters
-    ----------
-    signal : Signal
-        The output.
-    left : float, default=0
-        Root mean square of what the model leaves of it [unit of the output].
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-
     References
     ----------
     .. [1] R. M. Gray, D. L. Neuhoff, "Quantization", IEEE Transactions on Information Theory

@@ -44,20 +44,6 @@ def replay_inputs(
     have been at rest when the record began, or in motion. And the states are those of a free run of
     the model, or those of the records with the change that the other inputs make of such a run: the
     first have the errors of the model, the second those of the records.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The model.
-    x : ndarray of shape (n_samples, n_states)
-        Its states in the records.
-
-    Yields
-    ------
-    list of Replay
-        The ways in which one speed is replayed.
     """
     windows = problem.windows
     run = _free_runs(fit.model, windows, x)
@@ -94,20 +80,7 @@ def _at_speed(windows: ShootingWindows, speed: float, time: float):
 
 
 def window_states(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
-    """Return the states of a fitted model, every window simulated from its fitted initial state.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The model.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_states)
-        The states; as they are estimated without the fit where a simulation fails.
-    """
+    """Return the states of a fitted model, every window simulated from its fitted initial state."""
     windows, x = problem.windows, problem.states.values(fit.model).copy()
     for a, n, x0 in zip(windows.starts, windows.lengths, fit.x0, strict=True):
         run = free_run(fit.model, windows, a, a + n, x0).x

@@ -18,16 +18,6 @@ def find_held_samples(signal: Signal) -> Finding | None:
     step and what noise and rounding add, can thus be a sample that was held. Where noise is larger
     than the steps, neighbours that lie near each other are equal as often as any other two samples
     that do, whatever the steps are; a logger that holds samples makes only neighbours equal.
-
-    Parameters
-    ----------
-    signal : Signal
-        The output.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
     """
     count = _more_than_by_chance(signal) or _in_smooth_motion(signal)
     if count < 2:
@@ -103,18 +93,6 @@ def find_outliers(signal: Signal, residual: Signal) -> Finding | None:
     by more than they differ plus as many times the noise as occurs by chance only once in
     :math:`1/\alpha` records; and if the same holds for the residual of a fitted model, in which
     motion is slow. A corner of the signal does not reach that far.
-
-    Parameters
-    ----------
-    signal : Signal
-        The output.
-    residual : Signal
-        What a fitted model leaves of it.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
 
     References
     ----------

@@ -36,20 +36,6 @@ def find_state_feedback(
 
     with the error rate :math:`\alpha` = `ALPHA` and the share :math:`c` = `SHARE`, which
     :math:`\rho` itself must not exceed either.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    final : WindowFit
-        The extended model.
-    each_step : callable, optional
-        Called before every regression and every replay.
-
-    Returns
-    -------
-    list of Finding
-        A finding an input.
     """
     windows, model = problem.windows, final.model
     moving = [i for i in range(windows.u.shape[1]) if np.ptp(windows.u[:, i]) > 0]

@@ -85,20 +85,7 @@ class StateRegression:
         self.fold = folds[self.window]
 
     def find(self, u: np.ndarray, x: np.ndarray) -> StateLaw | None:
-        """Find the law of an input with the fewest states.
-
-        Parameters
-        ----------
-        u : ndarray of shape (n_samples,)
-            The input as commanded.
-        x : ndarray of shape (n_samples, n_states)
-            The states.
-
-        Returns
-        -------
-        StateLaw or None
-            The law; None where more than `SHARE` of the input follows none.
-        """
+        """Find the law of an input with the fewest states."""
         law = self._of_all_states(u, x)
         while law is not None and len(law.states) > 1:
             fewer = [

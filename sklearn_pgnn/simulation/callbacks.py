@@ -27,19 +27,7 @@ class _Stopped:
 
 
 def addresses_of(function: ExternalFunction) -> tuple[int, int]:
-    """Return the addresses of a C function that calls an external one, and of one in Python.
-
-    Parameters
-    ----------
-    function : ExternalFunction
-        The function.
-
-    Returns
-    -------
-    tuple of int
-        What computes its results, and what does so in Python and notes why it cannot; the same
-        where numba cannot compile the function. They are valid as long as the process lives.
-    """
+    """Return the addresses of a C function that calls an external one, and of one in Python."""
     if function.token not in _KEPT:
         callback = _CALL(_guarded(function))
         python = ctypes.cast(callback, ctypes.c_void_p).value or 0

@@ -73,18 +73,7 @@ def _writers() -> tuple[str, ...]:
 
 
 def load(key: str) -> bytes | None:
-    """Return what is kept under a name; None where there is nothing that can be trusted.
-
-    Parameters
-    ----------
-    key : str
-        The name, see `key_of`.
-
-    Returns
-    -------
-    bytes or None
-        The content.
-    """
+    """Return what is kept under a name; None where there is nothing that can be trusted."""
     where = folder()
     if where is None:
         return None
@@ -121,15 +110,7 @@ def _seal(key: str, content: bytes) -> bytes:
 
 
 def keep(key: str, content: bytes) -> None:
-    """Keep a content under a name; where that cannot be, nothing is kept.
-
-    Parameters
-    ----------
-    key : str
-        The name, see `key_of`.
-    content : bytes
-        The content.
-    """
+    """Keep a content under a name; where that cannot be, nothing is kept."""
     where = folder()
     if where is None:
         return

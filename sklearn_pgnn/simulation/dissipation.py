@@ -56,18 +56,6 @@ class Dissipation:
 def energy_slopes(model: PhysicsModel, states: tuple[str, ...]) -> list[sympy.Expr]:
     """Return the slopes of the stored energy by some states, then its Hessian, row by row.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        A model whose stored energy is known.
-    states : tuple of str
-        The states.
-
-    Returns
-    -------
-    list of sympy.Expr
-        The expressions.
-
     Examples
     --------
     >>> cart = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-k*x/m"},
@@ -82,20 +70,7 @@ def energy_slopes(model: PhysicsModel, states: tuple[str, ...]) -> list[sympy.Ex
 
 @lru_cache(maxsize=64)
 def energy_model(model: PhysicsModel, states: tuple[str, ...]) -> PhysicsModel:
-    """Return a model whose outputs are the energy's slopes and Hessian, with all rates zero.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        A model whose stored energy is known.
-    states : tuple of str
-        The states.
-
-    Returns
-    -------
-    PhysicsModel
-        The model, with the same parameters.
-    """
+    """Return a model whose outputs are the energy's slopes and Hessian, with all rates zero."""
     parts = energy_slopes(model, states)
     return model.replace(
         equations=dict.fromkeys(model.states, 0),

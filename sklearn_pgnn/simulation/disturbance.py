@@ -142,18 +142,6 @@ class Innovations(NamedTuple):
 def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
     """Filter the residuals of windows, and their derivatives.
 
-    Parameters
-    ----------
-    linear : LinearWindows
-        The windows.
-    disturbance : Disturbance
-        The hidden input.
-
-    Returns
-    -------
-    Innovations
-        The part of the residuals that earlier samples do not predict.
-
     Examples
     --------
     A random walk that is measured without noise has its steps as innovations.
@@ -202,28 +190,7 @@ def likeliest(
     start: Disturbance | None = None,
     each_run: Callable[[], bool | None] = lambda: None,
 ) -> tuple[Disturbance, float]:
-    """Find the hidden input that makes residuals likeliest.
-
-    Parameters
-    ----------
-    linear : LinearWindows
-        The windows.
-    size : float
-        A typical value of the channel.
-    time : float
-        A typical length of time [s].
-    start : Disturbance, optional
-        Where the search begins; by default at the best of a grid.
-    each_run : callable, optional
-        Called before every run of the filter; what it raises ends the search.
-
-    Returns
-    -------
-    disturbance : Disturbance
-        The hidden input.
-    log_likelihood : float
-        That of the residuals.
-    """
+    """Find the hidden input that makes residuals likeliest."""
 
     def at(decades) -> Disturbance:
         return Disturbance(size**2 * 10.0 ** decades[0], time * 10.0 ** decades[1])

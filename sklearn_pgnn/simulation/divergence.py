@@ -23,16 +23,6 @@ REMEDY = (
 def limits_of(y: np.ndarray) -> np.ndarray:
     """Return the magnitudes of outputs beyond which a simulation has diverged.
 
-    Parameters
-    ----------
-    y : ndarray of shape (n_samples, n_outputs)
-        Outputs in the fit, NaN where there is none.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        `RUNAWAY` times the largest one; infinite where there is nothing but zero.
-
     Examples
     --------
     >>> limits_of(np.array([[1.0, 0.0, np.nan], [-2.0, 0.0, np.nan]])).tolist()

@@ -60,33 +60,7 @@ def linearise_filtered(
     disturbance: Disturbance,
     variance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Linearise a model with a hidden input along the states estimated by a filter in windows.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its values.
-    windows : ShootingWindows
-        The windows.
-    starts : Starts
-        Where they begin.
-    channel : str
-        The state whose rate the hidden input is added to, or the input or output.
-    disturbance : Disturbance
-        How large the hidden input is, and how fast it changes.
-    variance : ndarray of shape (n_outputs,)
-        Noise variances of the outputs.
-
-    Returns
-    -------
-    F : ndarray of shape (n_samples, n_states + 1, n_states + 1)
-        Transitions over the sample intervals of the windows, the hidden input last, which stays.
-    H : ndarray of shape (n_samples, n_outputs, n_states + 1)
-        Derivatives of the outputs.
-    residual : ndarray of shape (n_samples, n_outputs)
-        Residuals of the outputs for the linear model without a hidden input, starting at ``x0``;
-        not finite where the filter does not run to the end.
-    """
+    """Linearise a model with a hidden input along the states estimated by a filter in windows."""
     extended = with_hidden_input(model, channel)
     filtered, predicted, F = _filter(extended, windows, starts, disturbance, variance)
     H = output_slopes(extended, windows, predicted)

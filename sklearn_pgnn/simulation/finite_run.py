@@ -59,36 +59,12 @@ class FreeRuns:
     remedy: str = REMEDY
 
     def options(self, record: Record) -> dict:
-        """Return the options of `simulate` along a record.
-
-        Parameters
-        ----------
-        record : Record
-            The record.
-
-        Returns
-        -------
-        dict
-            Hold, scheme, and integration steps from sample to sample.
-        """
+        """Return the options of `simulate` along a record."""
         substeps = substeps_along(record, self.interval, self.substeps)
         return {"hold": self.hold, "method": self.method, "substeps": substeps}
 
     def model_along(self, model: PhysicsModel, record: Record) -> PhysicsModel:
-        """Return a model that is simulated along a record with enough integration steps.
-
-        Parameters
-        ----------
-        model : PhysicsModel
-            The model.
-        record : Record
-            The record.
-
-        Returns
-        -------
-        PhysicsModel
-            The model, its `simulation` changed where the record's steps are longer.
-        """
+        """Return a model that is simulated along a record with enough integration steps."""
         substeps = substeps_along(record, self.interval, self.substeps)
         if substeps == self.substeps:
             return model
@@ -97,20 +73,7 @@ class FreeRuns:
         )
 
     def run(self, model: PhysicsModel, record: Record) -> Simulation:
-        """Simulate a record in free run.
-
-        Parameters
-        ----------
-        model : PhysicsModel
-            The model.
-        record : Record
-            Time, inputs and initial state.
-
-        Returns
-        -------
-        Simulation
-            The run; no warning is given.
-        """
+        """Simulate a record in free run."""
         return simulate_record(model, record, **self.options(record))
 
     def simulate(self, model: PhysicsModel, records, names: Sequence[str]) -> np.ndarray:

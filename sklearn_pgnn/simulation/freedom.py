@@ -11,20 +11,6 @@ def freedom_of(model: PhysicsModel, name: str, within_spread: bool) -> Parameter
 
     The variance of a uniform distribution within :math:`\pm r` is :math:`r^2/3`.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model that has it.
-    name : str
-        The parameter.
-    within_spread : bool
-        Whether it stays within its spread, if it has one.
-
-    Returns
-    -------
-    ParameterPrior
-        Its bounds and its prior.
-
     Examples
     --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": {"value": 2.0, "spread": 0.25}})

@@ -65,16 +65,6 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
     The rate of a position is its velocity by definition, and is left out; an input that enters only
     one rate is represented by that rate.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-
-    Returns
-    -------
-    tuple of str
-        States, inputs and outputs.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
@@ -92,20 +82,7 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
 
 
 def with_hidden_input(model: PhysicsModel, channel: str) -> PhysicsModel:
-    """Add the hidden input as a constant state.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    channel : str
-        The state whose rate it is added to, or the input or output.
-
-    Returns
-    -------
-    PhysicsModel
-        The extended model.
-    """
+    """Add the hidden input as a constant state."""
     d = symbol(HIDDEN)
     changes = {"equations": model.equations, **add_at(model, channel, d)}
     changes["equations"] = {**changes["equations"], HIDDEN: sympy.Integer(0)}
@@ -122,32 +99,7 @@ def find_hidden_input(
     time: float,
     each_run: Callable[[], object] | None = None,
 ) -> HiddenInput:
-    """Smooth the hidden input of a channel.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its values.
-    windows : ShootingWindows
-        The records.
-    channel : str
-        The state whose rate it is added to, or the input or output.
-    x : ndarray of shape (n_samples, n_states)
-        Estimated states; the first of every record is where the filter starts.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-    size : float
-        A typical value of the channel.
-    time : float
-        A typical time [s] in which it changes.
-    each_run : callable, optional
-        Called before the filter runs; what it raises ends the search.
-
-    Returns
-    -------
-    HiddenInput
-        The hidden input; NaN in a record in which the filter did not run to the end.
-    """
+    """Smooth the hidden input of a channel."""
     filtered = _Filter(with_hidden_input(model, channel), windows, x, spread, size)
 
     def badness(exponent):

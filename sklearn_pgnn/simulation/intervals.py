@@ -48,13 +48,6 @@ def warn_of_few_records(coverage: float, n_records: int) -> None:
     The one to be predicted exceeds all :math:`n` others with the probability :math:`1/(n + 1)`:
     only an infinite interval would cover it more often than :math:`n/(n + 1)` [1]_.
 
-    Parameters
-    ----------
-    coverage : float
-        Share of the measurements that should lie in the interval.
-    n_records : int
-        Number of records of which held-out errors are known.
-
     References
     ----------
     .. [1] J. Lei, M. G'Sell, A. Rinaldo, R. J. Tibshirani, L. Wasserman, "Distribution-free
@@ -83,18 +76,6 @@ def warn_of_few_records(coverage: float, n_records: int) -> None:
 def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
     """Return the quantile of the magnitudes for every output.
 
-    Parameters
-    ----------
-    magnitudes : ndarray of shape (n_samples, n_outputs)
-        Magnitudes of errors; NaN where nothing was measured.
-    coverage : float
-        The share.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        The quantiles, NaN for an output that was never measured.
-
     Examples
     --------
     >>> quantile_of(np.arange(1.0, 11.0)[:, None], 0.9).tolist()
@@ -106,18 +87,6 @@ def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
 
 def interval_around(predicted: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the ends of intervals about a prediction.
-
-    Parameters
-    ----------
-    predicted : ndarray of shape (n_samples, n_outputs) or (n_samples,)
-        The prediction.
-    half : ndarray of shape (n_samples, n_outputs) or (n_outputs,)
-        Half the intervals' widths.
-
-    Returns
-    -------
-    low, high : ndarray of the prediction's shape
-        The ends.
 
     Examples
     --------

@@ -52,18 +52,7 @@ class Lead:
     slopes: np.ndarray
 
     def initial_states(self, x0: np.ndarray) -> np.ndarray:
-        """Return the windows' initial states, to first order in the change of the record's start.
-
-        Parameters
-        ----------
-        x0 : ndarray of shape (n_windows, n_states)
-            Initial states, of led ones that of the record.
-
-        Returns
-        -------
-        ndarray of shape (n_windows, n_states)
-            Initial states.
-        """
+        """Return the windows' initial states, to first order in the record's start."""
         there = x0.copy()
         there[:, self.states] = self.reached + self._moved(x0)
         return there
@@ -79,40 +68,14 @@ class Lead:
         return np.einsum("wij,wj->wi", self.slopes[..., len(self.numbers) :], off)
 
     def by_record(self, slopes: np.ndarray, window: int) -> np.ndarray:
-        """Return derivatives by the record's start in the place of a window's.
-
-        Parameters
-        ----------
-        slopes : ndarray of shape (..., n_states)
-            Derivatives by the initial state of a window.
-        window : int
-            The window.
-
-        Returns
-        -------
-        ndarray of shape (..., n_states)
-            The same, of led states by that of the record.
-        """
+        """Return derivatives by the record's start in the place of a window's."""
         found = slopes.copy()
         by_start = self.slopes[window, :, len(self.numbers) :]
         found[..., self.states] = slopes[..., self.states] @ by_start
         return found
 
     def chain(self, gram: np.ndarray, n_p: int) -> np.ndarray:
-        """Return products of derivatives by the records' starts in the place of the windows'.
-
-        Parameters
-        ----------
-        gram : ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
-            Products of the columns ``[dy/dp, dy/dx0, residual]``.
-        n_p : int
-            Number of parameters.
-
-        Returns
-        -------
-        ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
-            The same, that led states follow the parameters being counted.
-        """
+        """Return products of derivatives by the records' starts in the place of the windows'."""
         led = n_p + np.array(self.states)
         by = np.tile(np.eye(gram.shape[-1]), (len(gram), 1, 1, 1))
         by[:, 0, led[:, None], [*self.numbers, *led]] = self.slopes

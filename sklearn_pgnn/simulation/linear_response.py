@@ -67,33 +67,7 @@ def _respond(F, H, starts, lengths, theta, E, E0):
 def linear_responses(
     model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray, channel: str, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the responses of the outputs to inputs added at a channel and to initial states.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its values.
-    windows : ShootingWindows
-        The windows.
-    x0 : ndarray of shape (n_windows, n_states)
-        Their initial states.
-    channel : str
-        The state whose rate the inputs are added to, or the input or output.
-    theta : ndarray of shape (n_samples, n_columns)
-        The added inputs.
-
-    Returns
-    -------
-    responses : ndarray of shape (n_samples, n_outputs, n_columns)
-        Changes of the outputs; zero outside the windows.
-    by_state : ndarray of shape (n_samples, n_outputs, n_states)
-        Derivatives of the outputs by the initial states of their windows.
-
-    Raises
-    ------
-    SimulationError
-        If the responses become non-finite.
-    """
+    """Return the responses of the outputs to inputs added at a channel and to initial states."""
     F, H = linearise(model, windows, x0, channel)
     size, n_outputs = windows.y.shape
     responses = np.zeros((size, n_outputs, theta.shape[1]))
@@ -110,22 +84,7 @@ def linear_responses(
 
 
 def without_states(windows: ShootingWindows, table: np.ndarray, by_state: np.ndarray) -> np.ndarray:
-    """Concatenate windows and outputs, less what the initial states of the windows explain.
-
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The windows.
-    table : ndarray of shape (n_samples, n_outputs, n_columns)
-        Changes of the outputs, in their units.
-    by_state : ndarray of shape (n_samples, n_outputs, n_states)
-        Derivatives of the outputs by the initial states of their windows.
-
-    Returns
-    -------
-    ndarray of shape (n_residuals, n_columns)
-        Residuals of the columns, in units of the noise; 0 where nothing was measured.
-    """
+    """Concatenate windows and outputs, less what the initial states of the windows explain."""
     rows = []
     for a, n in zip(windows.starts, windows.lengths, strict=True):
         measured = np.isfinite(windows.y[a : a + n])[..., None]
@@ -142,26 +101,7 @@ def without_states(windows: ShootingWindows, table: np.ndarray, by_state: np.nda
 def linearise(
     model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray, channel: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Linearise a model with a hidden input along the trajectories of windows.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its values.
-    windows : ShootingWindows
-        The windows.
-    x0 : ndarray of shape (n_windows, n_states)
-        Where they begin.
-    channel : str
-        The state whose rate the hidden input is added to, or the input or output.
-
-    Returns
-    -------
-    F : ndarray of shape (n_samples, n_states + 1, n_states + 1)
-        Transitions over the sample intervals of the windows, the hidden input last, which stays.
-    H : ndarray of shape (n_samples, n_outputs, n_states + 1)
-        Derivatives of the outputs.
-    """
+    """Linearise a model with a hidden input along the trajectories of windows."""
     extended = with_hidden_input(model, channel)
     F, x = _transitions(extended, windows, x0)
     return F, output_slopes(extended, windows, x)
@@ -200,22 +140,7 @@ def _transitions(model, windows, x0):
 
 
 def output_slopes(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> np.ndarray:
-    """Differentiate the outputs by the states at every sample.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its values.
-    windows : ShootingWindows
-        The windows.
-    x : ndarray of shape (n_samples, n_states)
-        States.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_outputs, n_states)
-        The derivatives.
-    """
+    """Differentiate the outputs by the states at every sample."""
     table = sample_table(model, windows, x)
     slopes = [
         [

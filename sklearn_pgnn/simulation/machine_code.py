@@ -36,22 +36,7 @@ class _Begun:
 
 
 def machine_code(source: Source, method: str) -> tuple[int, CodeMemory]:
-    """Compile a model's function.
-
-    Parameters
-    ----------
-    source : Source
-        The model's source.
-    method : {"rk4", "euler"}
-        Scheme of a step.
-
-    Returns
-    -------
-    address : int
-        Where the function begins.
-    memory : CodeMemory
-        What has to be held as long as the address is used.
-    """
+    """Compile a model's function."""
     key = key_of("machine code", repr(source), method, *processor())
     with _LOCK:
         memory = _MEMORIES.get(key)

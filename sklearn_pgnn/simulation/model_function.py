@@ -349,16 +349,6 @@ class _Emission:
 def pieces_of_row(count: int) -> list[range]:
     """Return the pieces of a row, none wider than a vector register.
 
-    Parameters
-    ----------
-    count : int
-        Numbers in the row.
-
-    Returns
-    -------
-    list of range
-        The places of the pieces in it.
-
     Examples
     --------
     >>> pieces_of_row(11)

@@ -47,18 +47,7 @@ class Native:
 
 @cache
 def native_function(function: ExternalFunction) -> Native:
-    """Compile a function that equations call.
-
-    Parameters
-    ----------
-    function : ExternalFunction
-        The function.
-
-    Returns
-    -------
-    Native
-        Its address, or why it has none.
-    """
+    """Compile a function that equations call."""
     call = function.call
     if not isinstance(call, NumericFunction):
         return Native(why_not="it is not written in Python")
@@ -75,18 +64,7 @@ def native_function(function: ExternalFunction) -> Native:
 
 
 def how_called(function: ExternalFunction) -> str:
-    """Return how a model calls a function, in words.
-
-    Parameters
-    ----------
-    function : ExternalFunction
-        The function.
-
-    Returns
-    -------
-    str
-        Compiled or not, and why not.
-    """
+    """Return how a model calls a function, in words."""
     native = native_function(function)
     if native.address:
         return "compiled by numba"

@@ -456,18 +456,7 @@ def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
 
 
 def terms_model(step: NetworkStep) -> PhysicsModel:
-    """Return the model whose outputs are the terms that guide a network.
-
-    Parameters
-    ----------
-    step : NetworkStep
-        Definition of the network's step.
-
-    Returns
-    -------
-    PhysicsModel
-        A model with further parameters, after its own; the model itself where no terms guide.
-    """
+    """Return the model whose outputs are the terms that guide a network."""
     if step.guide != "terms" or not _seen_terms(step.terms_from):
         return step.model
     model = _with_terms(step.terms_from, tuple(float(value) for value in step.state_spread))

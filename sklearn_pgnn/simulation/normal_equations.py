@@ -124,24 +124,6 @@ def project(
     columns of the state and :math:`W` the state's answer. It carries a rounding of
     :math:`\rho (1 + \sum_i |W_i|)^2` if the products carry one of :math:`\rho`. A square not larger
     than that counts as zero: such a window does not depend on the parameter.
-
-    Parameters
-    ----------
-    gram : ndarray of shape (n_windows, q + 1, q + 1)
-        Products of the columns ``[dy/dp, dy/dx0, residual]``.
-    n_p : int
-        Number of parameters.
-    weight : ndarray of shape (n_states,)
-        Inverse variances of the initial states.
-    offset : ndarray of shape (n_windows, n_states)
-        Initial states minus their expectation.
-    damping : float or ndarray of shape (n_windows,), default=0
-        Levenberg-Marquardt damping of the initial states.
-
-    Returns
-    -------
-    Normal
-        Hessian and gradient per window, and how the initial states follow the parameters.
     """
     n, n_x = len(gram), weight.size
     damped = np.full(n, damping, dtype=float)
@@ -177,48 +159,12 @@ def _follow(gram, weight, offset, to_state, state_step, by_p, by_x, decrease):
 def follow(
     gram: np.ndarray, normal: Normal, weight: np.ndarray, offset: np.ndarray, by_p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return how initial states follow the parameters, and what a linear model gains by that.
-
-    Parameters
-    ----------
-    gram : ndarray of shape (n_windows, q + 1, q + 1)
-        Products of the columns ``[dy/dp, dy/dx0, residual]``.
-    normal : Normal
-        The normal equations of these, see `project`.
-    weight : ndarray of shape (n_states,)
-        Inverse variances of the initial states.
-    offset : ndarray of shape (n_windows, n_states)
-        Initial states minus their expectation.
-    by_p : ndarray of shape (n_p,)
-        Changes of the parameters.
-
-    Returns
-    -------
-    by_x : ndarray of shape (n_windows, n_states)
-        Changes of the initial states.
-    decrease : ndarray of shape (n_windows,)
-        Decrease of every window's squares and of its state's prior.
-    """
+    """Return how initial states follow the parameters, and what a linear model gains by that."""
     by_x, decrease = np.empty_like(offset), np.empty(len(gram))
     _follow(gram, weight, offset, normal.to_state, normal.state_step, by_p, by_x, decrease)
     return by_x, decrease
 
 
 def normal_equations(fit: "WindowFit", expected: np.ndarray, spread: np.ndarray) -> Normal:
-    """Return the normal equations of a fit's parameters, initial states projected out.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        The fit.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-
-    Returns
-    -------
-    Normal
-        See `project`; the Hessian of a window is its information on the parameters.
-    """
+    """Return the normal equations of a fit's parameters, initial states projected out."""
     return project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)

@@ -27,21 +27,6 @@ def state_behind(
     with a polynomial :math:`g`, whose limits are ignored: a reading at a limit is taken as if the
     scale went on.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its present parameters.
-    output, state : str
-        One of its outputs, and one of its states.
-    shown : ndarray of shape (n_samples,)
-        Readings of the output.
-
-    Returns
-    -------
-    x, slope : ndarray of shape (n_samples,)
-        The state, and its derivative by the reading; for a reading that no state gives, the
-        reading itself, and 1. None if the output shows the state as it is, or has no such scale.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import SensorGain
@@ -74,18 +59,6 @@ def has_scale(model: PhysicsModel, output: str, state: str) -> bool:
 
 def magnitude_in(output: sympy.Expr, state: str) -> sympy.Expr:
     """Return what an output shows of a state: the magnitude of it or of what holds it, or itself.
-
-    Parameters
-    ----------
-    output : sympy.Expr
-        An output's equation.
-    state : str
-        A state.
-
-    Returns
-    -------
-    sympy.Expr
-        The magnitude through which alone the state enters; where there is none, the state.
 
     Examples
     --------

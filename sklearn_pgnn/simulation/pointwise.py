@@ -74,22 +74,7 @@ def _known_function(names, expression):
 
 
 def sample_table(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> dict:
-    """Return the value of every quantity of a model by name, the inputs as commanded.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, at its values.
-    windows : ShootingWindows
-        The records.
-    x : ndarray of shape (n_samples, n_states)
-        Its states.
-
-    Returns
-    -------
-    dict of str to ndarray or float
-        Time, states, inputs and parameters.
-    """
+    """Return the value of every quantity of a model by name, the inputs as commanded."""
     table = {"t": windows.t} | {name: p.value for name, p in model.parameters.items()}
     table |= dict(zip(model.states, x.T, strict=True))
     return table | dict(zip(model.inputs, windows.u.T, strict=True))

@@ -20,15 +20,6 @@ def find_starts(model: PhysicsModel, windows: ShootingWindows, states: StateEsti
 
     A model's own initial state may be a poor starting point: in an empty tank the outflow has no
     slope over the level, and no small step leads away from there. Such a start is always left.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The records' windows.
-    states : StateEstimator
-        Estimates the initial states; told where records begin.
     """
     names = list(model.states)
     hidden = [names.index(state) for state in states.hidden(model)]

@@ -238,11 +238,6 @@ def simulate_acting(
 def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
     """Return how inputs run between samples: as given, else as in the model, else held.
 
-    Raises
-    ------
-    ValueError
-        If it is neither.
-
     Examples
     --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})

@@ -154,21 +154,6 @@ def _symmetric(diagonal, next_to_it, two_off) -> np.ndarray:
 def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smoothed:
     """Fit a cubic smoothing spline whose penalty cross-validation chooses.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s], increasing.
-    y : ndarray of shape (n_samples,)
-        Measured quantity; NaN is skipped.
-    penalty : float, optional
-        Penalty on the curvature, in units of the mean sample interval; by default
-        that of `choose_penalty` for this record.
-
-    Returns
-    -------
-    Smoothed
-        The quantity and its rate of change at any time of the record.
-
     References
     ----------
     .. [1] G. Wahba, "Spline models for observational data", SIAM, 1990,
@@ -190,20 +175,7 @@ def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smooth
 
 
 def choose_penalty(t: np.ndarray, y: np.ndarray) -> float:
-    """Choose the smoothing penalty by cross-validation on the most active part of a record.
-
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time, in units of the mean sample interval.
-    y : ndarray of shape (n_samples,)
-        Measured quantity.
-
-    Returns
-    -------
-    float
-        Penalty on the curvature.
-    """
+    """Choose the smoothing penalty by cross-validation on the most active part of a record."""
     starts = np.arange(0, max(t.size - CHOICE_SAMPLES, 0) + 1, CHOICE_SAMPLES // 2)
     a = starts[int(np.argmax([np.ptp(y[a : a + CHOICE_SAMPLES]) for a in starts]))]
     stretch = slice(a, a + CHOICE_SAMPLES)

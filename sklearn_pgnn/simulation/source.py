@@ -120,18 +120,7 @@ class Source:
         return range(first, self.size)
 
     def keep(self, parameters: list[int]) -> "Source":
-        """Return the code that is differentiated by some of the parameters only.
-
-        Parameters
-        ----------
-        parameters : list of int
-            Places of the parameters, in the order wanted.
-
-        Returns
-        -------
-        Source
-            The code; lines that nothing needs any more stay, and are not compiled.
-        """
+        """Return the code that is differentiated by some of the parameters only."""
         n_p = self.n_parameters or 0
         if parameters == list(range(n_p)):
             return self
@@ -220,21 +209,7 @@ def dry_states(model: PhysicsModel) -> tuple[bool, ...]:
 
 
 def write_source(model: PhysicsModel, wrt: tuple[str, ...] | None = None) -> Source:
-    """Write a model's function.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    wrt : tuple of str, optional
-        Parameters to differentiate by, besides the states; without it only ``dynamics`` is
-        written.
-
-    Returns
-    -------
-    Source
-        The code.
-    """
+    """Write a model's function."""
     frozen = _Frozen(model)
     return _write(frozen) if wrt is None else _select(frozen, wrt)
 

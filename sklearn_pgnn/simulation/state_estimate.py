@@ -100,18 +100,7 @@ class StateEstimator:
         return tuple(state for state in model.states if state not in known)
 
     def estimate(self, model: PhysicsModel) -> StateEstimate:
-        """Estimate the states of an extension of the model.
-
-        Parameters
-        ----------
-        model : PhysicsModel
-            The model or an extension of it, at its present parameters.
-
-        Returns
-        -------
-        StateEstimate
-            Its states at every sample.
-        """
+        """Estimate the states of an extension of the model."""
         if (own := self._of(model)) is not self:
             return own.estimate(model)
         states = tuple(model.states)
@@ -142,22 +131,7 @@ class StateEstimator:
     def expected_starts(
         self, model: PhysicsModel, windows: ShootingWindows
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the expected initial states of windows, and the uncertainty of each state.
-
-        Parameters
-        ----------
-        model : PhysicsModel
-            The model or an extension of it, at its present parameters.
-        windows : ShootingWindows
-            Windows of the records.
-
-        Returns
-        -------
-        x0 : ndarray of shape (n_windows, n_states)
-            As `sklearn_pgnn.simulation.window_fit.fit_windows` expects them.
-        spread : ndarray of shape (n_states,)
-            Their uncertainty.
-        """
+        """Return the expected initial states of windows, and the uncertainty of each state."""
         estimate = self.estimate(model)
         return start_values(model, windows, estimate.x), estimate.spread
 
@@ -165,18 +139,7 @@ class StateEstimator:
         return self._taken[state].spread if state in self.known else float(np.std(values))
 
     def values(self, model: PhysicsModel) -> np.ndarray:
-        """Return the estimated states without their spread, which is faster.
-
-        Parameters
-        ----------
-        model : PhysicsModel
-            The model or an extension of it, at its present parameters.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            Its states at every sample.
-        """
+        """Return the estimated states without their spread, which is faster."""
         if (own := self._of(model)) is not self:
             return own.values(model)
         names = list(model.states)
@@ -203,18 +166,7 @@ class StateEstimator:
         }
 
     def measured_samples(self, state: str) -> np.ndarray:
-        """Find the samples at which the output that a state is taken from was measured.
-
-        Parameters
-        ----------
-        state : str
-            A state.
-
-        Returns
-        -------
-        ndarray of bool, shape (n_samples,)
-            True also in records in which no output shows the state.
-        """
+        """Find the samples at which the output that a state is taken from was measured."""
         if state not in self._taken:
             return np.ones(self.windows.t.size, dtype=bool)
         return self._taken[state].measured_samples

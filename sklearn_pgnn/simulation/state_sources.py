@@ -79,18 +79,7 @@ class TakenState:
         return tuple(dict.fromkeys(self.sources))
 
     def joined(self, values: Callable[[Source], np.ndarray]) -> np.ndarray:
-        """Join what belongs to the source of every record.
-
-        Parameters
-        ----------
-        values : callable
-            Returns an array of shape (n_samples,) for a source.
-
-        Returns
-        -------
-        ndarray of shape (n_samples,)
-            In every record the values of its source.
-        """
+        """Join what belongs to the source of every record."""
         if len(self.used) == 1:
             return values(self.used[0])
         rows = zip(pairwise(self.bounds), self.sources, strict=True)
@@ -132,20 +121,7 @@ class TakenState:
 
 
 def take_states(model: PhysicsModel, windows: ShootingWindows) -> dict[str, TakenState]:
-    """Choose from which outputs the states of a model are taken.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The records.
-
-    Returns
-    -------
-    dict of str to TakenState
-        By the name of every state that an output shows.
-    """
+    """Choose from which outputs the states of a model are taken."""
     sources = _sources(model, windows)
     records = range(len(windows.bounds) - 1)
     return {

@@ -43,22 +43,7 @@ class Estimate:
 
 
 def estimate_of(model: PhysicsModel, name: str, errors: Mapping[str, float]) -> Estimate:
-    """Return a parameter's value and interval, kept within its bounds.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The fitted model.
-    name : str
-        The parameter.
-    errors : mapping of str to float
-        Standard errors; a parameter that is not among them is exact.
-
-    Returns
-    -------
-    Estimate
-        The estimate.
-    """
+    """Return a parameter's value and interval, kept within its bounds."""
     parameter = model.parameters[name]
     reach = NORMAL_95 * errors.get(name, 0.0)
     low, high = parameter.bounds
@@ -78,20 +63,6 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     with the Hessian :math:`H`, the gradients :math:`g_w` of the :math:`W` blocks of the windows,
     and the inverse variances :math:`P` of the parameters' priors; never less than the
     :math:`H^{-1}` of white noise, since there may be few blocks.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        The fitted model.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-
-    Returns
-    -------
-    dict of str to float
-        Standard error by parameter; infinite where the records carry no information.
 
     References
     ----------
@@ -116,20 +87,6 @@ def parameter_covariance(fit: WindowFit, expected: np.ndarray, spread: np.ndarra
 
     with the standard errors of `standard_errors` and the `correlations`; zero in rows and columns
     of parameters that the records do not determine: no simulation of such records depends on them.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        The fitted model.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-
-    Returns
-    -------
-    ndarray of shape (n_parameters, n_parameters)
-        In the order of the fit's freedoms.
     """
     errors = np.array(list(standard_errors(fit, expected, spread).values()))
     related = correlations(fit, expected, spread)
@@ -144,20 +101,6 @@ def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np
     .. math:: r_{ij} = \mathrm{cov}_{ij} / \sqrt{\mathrm{cov}_{ii}\,\mathrm{cov}_{jj}}
 
     with the covariance of `standard_errors`.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        The fitted model.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-
-    Returns
-    -------
-    ndarray of shape (n_parameters, n_parameters)
-        In the order of the fit's freedoms, 1 on the diagonal; NaN where undetermined.
     """
     n_p = len(fit.freedoms)
     if not (n_p and fit.usable):
@@ -171,20 +114,6 @@ def curvatures(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> dict
     r"""Return the curvature of the objective along every parameter, the others adapting to it.
 
     .. math:: c_i = 1 / [H^{-1}]_{ii}
-
-    Parameters
-    ----------
-    fit : WindowFit
-        The fitted model.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-
-    Returns
-    -------
-    dict of str to float
-        By parameter, so that a change of :math:`\delta` is expected to cost :math:`c \delta^2`.
     """
     names = [freedom.name for freedom in fit.freedoms]
     if not (names and fit.usable):
@@ -207,22 +136,6 @@ def overdispersion(
     with the symbols of `standard_errors` and the dispersion :math:`d`, the residuals' power times
     their autocorrelation time. An external disturbance is larger along the motion that it excites:
     there the residuals carry less information than their autocorrelation suggests.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        The fitted model.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-    dispersion : float
-        Power of the residuals, in units of the noise, times their autocorrelation time in samples.
-
-    Returns
-    -------
-    dict of str to float
-        The ratio by parameter, never below 1.
     """
     names = [freedom.name for freedom in fit.freedoms]
     if not (names and fit.usable):
@@ -270,24 +183,6 @@ def errors_by_held(
 
     A held parameter :math:`q` would move the others by :math:`-H_{pp}^{-1} H_{pq}` for each of its
     units.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        The fitted model.
-    windows : ShootingWindows
-        The windows.
-    held : tuple of ParameterPrior
-        The held parameters, and the standard deviation of each.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-
-    Returns
-    -------
-    dict of str to float
-        Standard error by fitted parameter; infinite where slopes by held ones are rounding errors.
     """
     names, n_p = [freedom.name for freedom in fit.freedoms], len(fit.freedoms)
     wrt = (*names, *(freedom.name for freedom in held))
@@ -314,18 +209,6 @@ def propagated_variance(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarra
 
     .. math:: \sigma_k^2 = \frac{\partial \hat y_k}{\partial p} C
               \left(\frac{\partial \hat y_k}{\partial p}\right)^T
-
-    Parameters
-    ----------
-    slopes : ndarray of shape (n_samples, n_outputs, n)
-        Derivatives of the outputs.
-    covariance : ndarray of shape (n, n)
-        Covariance :math:`C` of the errors.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_outputs)
-        The variance; not finite where the derivatives are not, or too large.
 
     Examples
     --------

@@ -61,18 +61,7 @@ class ParameterPrior:
     scale: float
 
     def beside(self, value: float, step: float) -> float:
-        """Return the value a step up, or down where the bounds have more room there.
-
-        Parameters
-        ----------
-        value, step : float
-            The value, and the step, which ends at a bound if that is nearer.
-
-        Returns
-        -------
-        float
-            The other value.
-        """
+        """Return the value a step up, or down where the bounds have more room there."""
         upwards = self.high - value >= min(step, value - self.low)
         return min(value + step, self.high) if upwards else max(value - step, self.low)
 
@@ -139,46 +128,7 @@ def fit_windows(
     precision: np.ndarray | None = None,
     each_step: Callable[[], bool | None] | None = None,
 ) -> WindowFit:
-    """Fit a model's parameters and every window's initial state.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model; its values are the start.
-    windows : ShootingWindows
-        The windows.
-    freedoms : tuple of ParameterPrior
-        The parameters to fit.
-    x0 : ndarray of shape (n_windows, n_states)
-        Expected initial states.
-    x0_spread : ndarray of shape (n_states,)
-        Their uncertainty.
-    x0_start : ndarray of shape (n_windows, n_states), optional
-        Where the initial states start; by default, and in windows that diverge from there, where
-        they are expected.
-    evaluation : Evaluation, optional
-        The evaluation of the windows at the start, where it is known already.
-    states_first : bool, default=False
-        Whether the first step moves the initial states only: they start less well than the
-        parameters.
-    min_steps, max_steps : int, default=0, 25
-        Least number of steps, however small their predicted decrease, and the largest.
-    tolerance : float, default=1e-5
-        Relative decrease of the objective at which the fit ends.
-    prune_above : float, optional
-        Objective that must be attainable: the fit ends if `OPTIMISM` times the decrease predicted
-        by a linear model would still leave it above.
-    precision : ndarray of shape (n_parameters, n_parameters), optional
-        Inverse covariance of the parameters about their centres, in the place of their spreads.
-    each_step : callable, optional
-        Called before every step; what it raises ends the fit. Where it returns true, the fit ends
-        after two steps, most of the way from values that are near.
-
-    Returns
-    -------
-    WindowFit
-        The fit; its objective is infinite if the start itself diverges.
-    """
+    """Fit a model's parameters and every window's initial state."""
     each_step = each_step or _nothing
     each_step()
     task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2, precision)
@@ -234,24 +184,7 @@ def lost_fit(
     freedoms: tuple[ParameterPrior, ...],
     x0: np.ndarray,
 ) -> WindowFit:
-    """Return the fit of a model that cannot be fitted: every window is lost.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The windows.
-    freedoms : tuple of ParameterPrior
-        The parameters that were to be fitted.
-    x0 : ndarray of shape (n_windows, n_states)
-        Initial states.
-
-    Returns
-    -------
-    WindowFit
-        A fit with infinite squares.
-    """
+    """Return the fit of a model that cannot be fitted: every window is lost."""
     size = len(freedoms) + len(model.states) + 1
     gram = np.zeros((len(windows), windows.blocks, size, size))
     gram[..., -1, -1] = np.inf
@@ -381,25 +314,7 @@ class _Task:
 def expected_decrease(
     fit: WindowFit, windows: ShootingWindows, expected: np.ndarray, spread: np.ndarray
 ) -> float:
-    """Return the further decrease of the objective that a linear model predicts.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        A fit, not at its minimum.
-    windows : ShootingWindows
-        Its windows.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-
-    Returns
-    -------
-    float
-        Decrease of the sum of squares; zero if the fit diverged, or if rounding makes it exceed
-        the sum itself.
-    """
+    """Return the further decrease of the objective that a linear model predicts."""
     if not np.isfinite(fit.objective):
         return 0.0
     task = _Task(windows, fit.freedoms, expected, 1.0 / spread**2)
@@ -408,18 +323,7 @@ def expected_decrease(
 
 
 def prior_precision(freedoms: tuple[ParameterPrior, ...]) -> np.ndarray:
-    """Return the inverse covariance of parameters by their priors.
-
-    Parameters
-    ----------
-    freedoms : tuple of ParameterPrior
-        The parameters.
-
-    Returns
-    -------
-    ndarray of shape (n_parameters, n_parameters)
-        Diagonal.
-    """
+    """Return the inverse covariance of parameters by their priors."""
     return np.diag(1.0 / _column(freedoms, "spread") ** 2)
 
 

@@ -137,35 +137,13 @@ class ShootingWindows:
         return self.starts[:, None] + -(-self.lengths[:, None] * shares // self.blocks)
 
     def sum_blocks(self, values: np.ndarray) -> np.ndarray:
-        """Sum a quantity of every sample over every block of every window.
-
-        Parameters
-        ----------
-        values : ndarray of shape (n_samples, n)
-            The quantity; NaN counts as nothing.
-
-        Returns
-        -------
-        ndarray of shape (n_windows, n_blocks, n)
-            The sums.
-        """
+        """Sum a quantity of every sample over every block of every window."""
         start = np.zeros((1, values.shape[1]))
         total = np.concatenate([start, np.cumsum(np.nan_to_num(values), axis=0)])
         return np.diff(total[self.block_edges], axis=1)
 
     def thin(self, factor: int) -> "ShootingWindows":
-        """Return the windows with fewer samples; held inputs are averaged in between.
-
-        Parameters
-        ----------
-        factor : int
-            One in this many samples is kept, including the first of every window.
-
-        Returns
-        -------
-        ShootingWindows
-            The same windows.
-        """
+        """Return the windows with fewer samples; held inputs are averaged in between."""
         edges = np.unique([*self.bounds, *self.starts, *(self.starts + self.lengths)])
         kept = np.concatenate([np.arange(a, b, factor) for a, b in pairwise(edges)])
         lengths = -(-self.lengths // factor)

@@ -72,28 +72,6 @@ def join_channels(
 ) -> pd.DataFrame:
     """Join channels into one table.
 
-    Parameters
-    ----------
-    path : str
-        The file, for error messages.
-    inputs, states, outputs : mapping of str to Channel
-        The channels by title; the states are interpolated.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input keeps its last value until the next one, or is interpolated linearly.
-    sample_time : float, optional
-        Time between rows [s]; by default there is a row wherever an output was measured.
-
-    Returns
-    -------
-    DataFrame
-        ``t`` and a column for each channel, over the time covered by the inputs.
-
-    Raises
-    ------
-    RecordError
-        If a channel has no samples, its time does not increase, or inputs and outputs were never
-        recorded at the same time.
-
     Warns
     -----
     RecordWarning

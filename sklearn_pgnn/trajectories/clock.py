@@ -50,15 +50,6 @@ def usual_step(t: np.ndarray) -> float:
 def counted_on(t: np.ndarray, second: float, dated: bool = False) -> tuple[np.ndarray, float]:
     """Return a time that goes on where its counter began again, and the counter's size, 0 if none.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time in the unit of the file.
-    second : float
-        A second in that unit.
-    dated : bool, default=False
-        Whether dates or times of day were read, which only go back by an hour or by half a day.
-
     Examples
     --------
     >>> t, size = counted_on(np.array([65_500.0, 65_520.0, 4.0, 24.0]), 1e3)
@@ -80,18 +71,6 @@ def counted_on(t: np.ndarray, second: float, dated: bool = False) -> tuple[np.nd
 
 def rows_at_one_time(t: np.ndarray, same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows that repeat the one before, and those replaced by the next, at one time.
-
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time.
-    same : ndarray of bool, shape (n_samples - 1,)
-        Whether a row's values are those of the row before.
-
-    Returns
-    -------
-    repeats, replaced : ndarray of int
-        Row numbers; there are none where so many rows share a time that the clock is too coarse.
 
     Examples
     --------

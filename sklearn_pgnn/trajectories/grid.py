@@ -20,16 +20,6 @@ def grid_step(values: np.ndarray) -> float:
     Only the larger half of the values counts: numbers written with so many digits are coarsest
     there.
 
-    Parameters
-    ----------
-    values : ndarray of shape (n_samples,)
-        The values; NaN is skipped.
-
-    Returns
-    -------
-    float
-        The step, or 0 if there is none.
-
     Examples
     --------
     >>> float(round(grid_step(np.round(np.random.default_rng(0).normal(size=100), 2)), 6))
@@ -97,16 +87,6 @@ def steps_at(values: np.ndarray) -> np.ndarray:
     """Return for every value the distance to the nearest other one.
 
     No step of a sensor is longer, be its steps even or not.
-
-    Parameters
-    ----------
-    values : ndarray of shape (n_samples,)
-        The values; NaN is skipped.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The distances; NaN where there is no value, infinite where there is no other one.
 
     Examples
     --------

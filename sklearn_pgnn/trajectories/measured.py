@@ -11,18 +11,6 @@ import numpy as np
 def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
     """Return a statistic of every column, NaN where nothing was measured.
 
-    Parameters
-    ----------
-    statistic : callable
-        ``numpy.nanstd``, ``numpy.nanmean`` or the like, which warn of a column without any number.
-    y : ndarray of shape (n_samples, n_outputs)
-        Outputs, NaN where there is none.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        The statistics.
-
     Examples
     --------
     >>> of_measured(np.nanmean, np.array([[1.0, np.nan], [2.0, np.nan]])).tolist()
@@ -33,16 +21,6 @@ def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
 
 def where_measured(y: np.ndarray) -> np.ndarray:
     """Return at which samples some output was measured.
-
-    Parameters
-    ----------
-    y : ndarray of shape (n_samples, n_outputs)
-        Outputs, NaN where there is none.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_samples,)
-        The samples.
 
     Examples
     --------
@@ -57,16 +35,6 @@ def where_measured(y: np.ndarray) -> np.ndarray:
 
 def spans_of(y: np.ndarray) -> np.ndarray:
     """Return the largest less the smallest value of every column, NaN where nothing was measured.
-
-    Parameters
-    ----------
-    y : ndarray of shape (n_samples, n_outputs)
-        Outputs, NaN where there is none.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        The differences.
 
     Examples
     --------

@@ -123,25 +123,6 @@ def is_named(table) -> bool:
 def once(table: pd.DataFrame, name: str, what: str) -> pd.Series:
     """Return the column with a name that must be unique.
 
-    Parameters
-    ----------
-    table : DataFrame
-        The table.
-    name : str
-        The column.
-    what : str
-        Description of the column, for error messages.
-
-    Returns
-    -------
-    Series
-        The column.
-
-    Raises
-    ------
-    RecordError
-        If several columns have the name.
-
     Examples
     --------
     >>> once(pd.DataFrame({"u": [1.0]}), "u", "X: column").tolist()

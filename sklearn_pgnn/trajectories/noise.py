@@ -34,18 +34,6 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     half of the record (the eigenvector of the least eigenvalue of its covariance [1]_), applied to
     the other half. Medians exclude jumps and corners.
 
-    Parameters
-    ----------
-    y : ndarray of shape (n_samples,)
-        The signal; NaN is skipped.
-    t : ndarray of shape (n_samples,), optional
-        Time [s]; by default the clock is even.
-
-    Returns
-    -------
-    float
-        Noise [unit of y].
-
     References
     ----------
     .. [1] V. F. Pisarenko, "The retrieval of harmonics from a covariance function", Geophysical
@@ -72,18 +60,6 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     """Return a quick upper estimate of the noise: the residue of the third differences.
 
-    Parameters
-    ----------
-    y : ndarray of shape (n_samples,)
-        The signal; NaN is skipped.
-    t : ndarray of shape (n_samples,), optional
-        Time [s]; by default the clock is even.
-
-    Returns
-    -------
-    float
-        Noise, plus the remaining signal [unit of y].
-
     Examples
     --------
     >>> y = np.sin(2 * np.pi * np.arange(2000) / 8)
@@ -96,20 +72,6 @@ def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 
 def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.ndarray, int]:
     """Return the divided differences with the smallest residue of a record, and their order.
-
-    Parameters
-    ----------
-    y : ndarray of shape (n_samples,)
-        The signal; NaN is skipped.
-    t : ndarray of shape (n_samples,), optional
-        Time [s]; by default the clock is even.
-
-    Returns
-    -------
-    differences : ndarray of shape (n_known - order,)
-        White noise keeps its variance in them, and neighbours have opposite signs.
-    order : int
-        Their order.
 
     Examples
     --------

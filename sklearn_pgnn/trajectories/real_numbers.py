@@ -9,23 +9,6 @@ from sklearn_pgnn.exceptions import RecordError
 def read_numbers(column: pd.Series, what: str) -> np.ndarray:
     """Read a column as real numbers, NaN where there is no value.
 
-    Parameters
-    ----------
-    column : Series of shape (n_samples,)
-        A column of the table.
-    what : str
-        Description of the column, for error messages.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The numbers.
-
-    Raises
-    ------
-    RecordError
-        If it holds dates, complex numbers, or values that are not numbers.
-
     Examples
     --------
     >>> read_numbers(pd.Series([1, None, 3], dtype="Int64"), "X: input 'u'").tolist()

@@ -138,23 +138,6 @@ def take_rows(table, rows):
 def read_clock(column: pd.Series, what: str) -> tuple[np.ndarray, float] | None:
     """Read dates or time differences without loss.
 
-    Parameters
-    ----------
-    column : Series of shape (n_samples,)
-        A column of the table.
-    what : str
-        Description of the column, for error messages.
-
-    Returns
-    -------
-    tuple of (ndarray of int, float) or None
-        Ticks and the length of a tick [s]; None if the column holds something else.
-
-    Raises
-    ------
-    RecordError
-        If a sample has no time.
-
     Examples
     --------
     >>> ticks, tick = read_clock(pd.Series(pd.to_timedelta([0, 5], unit="ms")), "t")

@@ -6,18 +6,6 @@ from sklearn.utils import Tags
 def tags_of_records(tags: Tags, has_time: bool = True) -> Tags:
     """Return a regressor's tags: states may be NaN, and random numbers follow no physical model.
 
-    Parameters
-    ----------
-    tags : Tags
-        Tags of a regressor.
-    has_time : bool, default=True
-        Whether tables are read as records whose first rows give the states.
-
-    Returns
-    -------
-    Tags
-        The changed tags.
-
     Examples
     --------
     >>> from sklearn.linear_model import Ridge

@@ -37,11 +37,6 @@ SHORT = 3.0
 def refuse_torn_rows(times: Sequence[np.ndarray]) -> None:
     """Raise `RecordError` where trajectories consist of single rows drawn from records.
 
-    Parameters
-    ----------
-    times : sequence of ndarray
-        The times of every trajectory, in any unit.
-
     Examples
     --------
     >>> drawn = np.random.default_rng(0).permutation(100)[:80]

@@ -24,16 +24,6 @@ def triangle(parts: Iterable[np.ndarray]) -> np.ndarray:
     stacked on the next block, has the same triangle as all of them together; the zeros below its
     diagonal are not computed with.
 
-    Parameters
-    ----------
-    parts : iterable of ndarray of shape (n_rows, n_columns)
-        The rows, block by block; at least one block.
-
-    Returns
-    -------
-    ndarray of shape (n_columns, n_columns)
-        The triangle; the signs of its rows are arbitrary.
-
     Examples
     --------
     >>> A = np.arange(12.0).reshape(6, 2)

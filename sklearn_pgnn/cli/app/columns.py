@@ -29,26 +29,7 @@ def quantities(model: PhysicsModel) -> list[tuple[str, str, str]]:
 
 
 def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
-    """Return the columns that all files have, and the quantity that each may be.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    files : sequence of mapping
-        Every ``file``, and its ``label`` for messages.
-
-    Returns
-    -------
-    dict
-        ``columns``; ``quantities`` with role and unit; and ``guess``, by quantity a ``column``,
-        empty if none is similar, and its ``unit``.
-
-    Raises
-    ------
-    RecordError
-        If a file cannot be read, or shares no column with the files before it.
-    """
+    """Return the columns that all files have, and the quantity that each may be."""
     tables = [_open(file, model) for file in files]
     first, shared = tables[0], list(tables[0].header)
     for file, table in zip(files, tables, strict=True):

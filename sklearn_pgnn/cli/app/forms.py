@@ -12,25 +12,7 @@ MINUTES = 24 * 60.0
 
 
 def clean_mapping(form: object, columns: Mapping) -> dict:
-    """Return a mapping of quantities to columns and units.
-
-    Parameters
-    ----------
-    form : object
-        The entries.
-    columns : mapping
-        The ``columns`` and ``quantities`` there are.
-
-    Returns
-    -------
-    dict
-        By quantity its ``column`` and ``unit``; and ``sample_time``.
-
-    Raises
-    ------
-    Refused
-        If a quantity has a column that does not exist, or an entry is not a text.
-    """
+    """Return a mapping of quantities to columns and units."""
     form = form if isinstance(form, Mapping) else {}
     cleaned: dict = {"sample_time": _text(form.get("sample_time", ""))}
     for name, _, unit in columns["quantities"]:
@@ -45,21 +27,6 @@ def clean_mapping(form: object, columns: Mapping) -> dict:
 
 def clean_options(form: object) -> dict:
     """Return the options of a diagnosis.
-
-    Parameters
-    ----------
-    form : object
-        The entries ``minutes`` and ``hold``.
-
-    Returns
-    -------
-    dict
-        As `ModelDiagnosis` takes them.
-
-    Raises
-    ------
-    Refused
-        If an option is not valid.
 
     Examples
     --------

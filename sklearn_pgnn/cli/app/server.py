@@ -246,23 +246,7 @@ async def _form(request: Request) -> dict:
 
 
 def listen(port: int) -> socket.socket:
-    """Return a socket that listens on this machine only.
-
-    Parameters
-    ----------
-    port : int
-        The port; 0 for any that is free.
-
-    Returns
-    -------
-    socket.socket
-        The socket.
-
-    Raises
-    ------
-    OSError
-        If the port is taken.
-    """
+    """Return a socket that listens on this machine only."""
     return socket.create_server((ADDRESS, port))
 
 

@@ -63,27 +63,7 @@ class Worker:
             return self._process
 
     async def ask(self, command: Mapping, progress: Callable[[dict], object]) -> dict:
-        """Send a command to the process and wait for its result.
-
-        Parameters
-        ----------
-        command : mapping
-            Plain data; ``do`` names the job.
-        progress : callable
-            Called with every step that the process reports.
-
-        Returns
-        -------
-        dict
-            The result.
-
-        Raises
-        ------
-        Refused
-            If the command cannot be carried out.
-        Ended
-            If the process ended before its answer.
-        """
+        """Send a command to the process and wait for its result."""
         async with self._turn:
             process = await self.start()
             assert process.stdin is not None

@@ -51,17 +51,7 @@ class Answers:
 
 
 def answer(command: dict, answers: Answers, jobs: dict[str, Callable] = JOBS) -> None:
-    """Execute a command, and write the result.
-
-    Parameters
-    ----------
-    command : dict
-        ``do`` names the job; everything else is handed to it.
-    answers : Answers
-        Takes steps and the end.
-    jobs : dict of str to callable
-        Called as ``job(progress, **command)``.
-    """
+    """Execute a command, and write the result."""
     name = command.pop("do")
     try:
         with warnings.catch_warnings():

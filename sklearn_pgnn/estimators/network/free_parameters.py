@@ -101,18 +101,7 @@ class FreeParameters:
         }
 
     def at_the_end(self, changes: np.ndarray) -> list[str]:
-        """Name the parameters that ended at a limit of their range.
-
-        Parameters
-        ----------
-        changes : ndarray of shape (n_free,)
-            Relative changes.
-
-        Returns
-        -------
-        list of str
-            The parameters.
-        """
+        """Name the parameters that ended at a limit of their range."""
         near = np.minimum(changes - self.low, self.high - changes)
         reached = near <= AT_THE_END * np.minimum(self.high - self.low, 1.0)
         return [name for name, is_at in zip(self.names, reached, strict=True) if is_at]

@@ -113,18 +113,7 @@ class SimulationObjective:
         self._n_steps = sum(len(range(0, len(record.x) - 1, stride)) for record in records)
 
     def __call__(self, theta: np.ndarray) -> Sums:
-        """Return cost, gradient and curvature; the cost is infinite if a simulation diverges.
-
-        Parameters
-        ----------
-        theta : ndarray of shape (n_weights,)
-            The weights.
-
-        Returns
-        -------
-        Sums
-            The sums.
-        """
+        """Return cost, gradient and curvature; the cost is infinite if a simulation diverges."""
         parts = self.parts(theta)
         return Sums(
             sum(part.cost for part in parts),
@@ -133,67 +122,23 @@ class SimulationObjective:
         )
 
     def parts(self, theta: np.ndarray) -> list[Sums]:
-        """Return the sums of every record, and last, if it has a cost, of the overlap.
-
-        Parameters
-        ----------
-        theta : ndarray of shape (n_weights,)
-            The weights.
-
-        Returns
-        -------
-        list of Sums
-            The sums.
-        """
+        """Return the sums of every record, and last, if it has a cost, of the overlap."""
         parts = self._each(self._sums_of, theta)
         return parts if self.overlap is None else [*parts, self.overlap(theta)]
 
     def error(self, theta: np.ndarray) -> float:
-        """Return the cost without that of the overlap.
-
-        Parameters
-        ----------
-        theta : ndarray of shape (n_weights,)
-            The weights.
-
-        Returns
-        -------
-        float
-            The cost; infinite where a simulation diverges.
-        """
+        """Return the cost without that of the overlap."""
         return float(sum(self._each(self._cost_of, theta)))
 
     def weigh_overlap(self, theta: np.ndarray) -> float:
-        """Weight the overlap by the present error, which is returned.
-
-        Parameters
-        ----------
-        theta : ndarray of shape (n_weights,)
-            The weights.
-
-        Returns
-        -------
-        float
-            The error.
-        """
+        """Weight the overlap by the present error, which is returned."""
         error = self.error(theta)
         if self.overlap is not None:
             self.overlap.error = error if np.isfinite(error) else 0.0
         return error
 
     def cost(self, theta: np.ndarray) -> float:
-        """Return the cost alone, which is much cheaper.
-
-        Parameters
-        ----------
-        theta : ndarray of shape (n_weights,)
-            The weights.
-
-        Returns
-        -------
-        float
-            The cost; infinite where a simulation diverges.
-        """
+        """Return the cost alone, which is much cheaper."""
         cost = self.error(theta)
         return cost if self.overlap is None else cost + self.overlap(theta).cost
 
@@ -305,18 +250,7 @@ class OverlapCost:
         self.overlap, self.core, self.weight, self.error = overlap, core, weight, 0.0
 
     def __call__(self, theta: np.ndarray) -> Sums:
-        """Return cost, gradient and curvature.
-
-        Parameters
-        ----------
-        theta : ndarray of shape (n_weights + n_free,)
-            The weights, and the changes of the parameters.
-
-        Returns
-        -------
-        Sums
-            The sums.
-        """
+        """Return cost, gradient and curvature."""
         n_weights = sum(part.numel() for part in self.core.parameters())
         found, slopes = self.overlap.with_slopes(self.core, theta[:n_weights])
         jacobian = np.zeros((len(found), theta.size))

@@ -60,18 +60,7 @@ class Overlap:
         self._basis = torch.as_tensor(basis / np.sqrt(len(basis)))
 
     def __call__(self, core: nn.Module) -> torch.Tensor:
-        """Return the overlap with every direction of the parameters; its square is the share.
-
-        Parameters
-        ----------
-        core : Module
-            The network.
-
-        Returns
-        -------
-        Tensor of shape (n_directions,)
-            The overlap, in units of the model's own error of a step.
-        """
+        """Return the overlap with every direction of the parameters; its square is the share."""
         seen = self._seen.to(next(core.parameters()).device)
         at_rest = getattr(core, "at_rest", None)
         output = core(seen) if at_rest is None else core(seen, at_rest(len(seen)))[0]

@@ -15,18 +15,6 @@ def parameter_errors(objective: SimulationObjective, theta: np.ndarray) -> np.nd
     with the Hessian :math:`H` of the error, and, for every parameter, the larger result of two
     :math:`M`: that of white residuals, and the sum over the trajectories of the squared gradients
     after elimination of the weights. The records do not determine what the network can compensate.
-
-    Parameters
-    ----------
-    objective : SimulationObjective
-        The error; its last columns are the free parameters' relative changes.
-    theta : ndarray of shape (n_weights + n_free,)
-        Weights and changes.
-
-    Returns
-    -------
-    ndarray of shape (n_free,)
-        Standard errors, as relative changes; infinite where undetermined.
     """
     n_free = len(objective.step.free)
     parts = objective.parts(theta)

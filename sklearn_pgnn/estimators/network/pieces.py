@@ -33,20 +33,7 @@ class PieceRuns:
         self._n_inputs = len(step.model.inputs)
 
     def along(self, ready: NetworkRecord, kept: np.ndarray) -> Callable:
-        """Return the run along one trajectory, between two of its own samples.
-
-        Parameters
-        ----------
-        ready : NetworkRecord
-            The trajectory, with samples in between where steps are long.
-        kept : ndarray of int
-            Where its own samples are among these.
-
-        Returns
-        -------
-        callable
-            As `sklearn_pgnn.simulation.ahead.Machine` takes it.
-        """
+        """Return the run along one trajectory, between two of its own samples."""
         return partial(self._piece, ready, kept)
 
     def _piece(self, ready, kept, a, b, x):
@@ -58,18 +45,7 @@ class PieceRuns:
 
 
 def output_function(model: PhysicsModel) -> Callable:
-    """Return the outputs as a function of time, states and inputs.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-
-    Returns
-    -------
-    callable
-        The function; it returns a list.
-    """
+    """Return the outputs as a function of time, states and inputs."""
     fixed = {symbol(name): parameter.value for name, parameter in model.parameters.items()}
     outputs = [output.xreplace(fixed) for output in model.outputs.values()]
     return numpy_function(["t", *model.states, *model.inputs], outputs)

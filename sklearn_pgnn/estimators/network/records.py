@@ -341,22 +341,7 @@ class TrainingWindows:
         return np.where(self._told[:, None], self.x, np.nan)
 
     def cut(self, length: int, step: NetworkStep, *, teacher: bool) -> dict[str, np.ndarray]:
-        """Cut windows as the module takes them.
-
-        Parameters
-        ----------
-        length : int
-            Steps of a window.
-        step : NetworkStep
-            Defines what the network sees.
-        teacher : bool
-            Whether the measured states are fed back.
-
-        Returns
-        -------
-        dict of str to ndarray
-            Keyword arguments of `StepNetwork.forward`.
-        """
+        """Cut windows as the module takes them."""
         start = self.starts(length, max(1, length // 2))[:, None]
         now, after = start + np.arange(length), start + 1 + np.arange(length)
         ends = start + np.arange(length + 1)

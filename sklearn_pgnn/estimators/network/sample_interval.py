@@ -53,20 +53,7 @@ class FilledRecord:
         return self.kept.size == self.before.size
 
     def along(self, values: np.ndarray, hold: str) -> np.ndarray:
-        """Return values of the own samples at all samples.
-
-        Parameters
-        ----------
-        values : ndarray of shape (n_own_samples, n)
-            Values.
-        hold : {"zoh", "foh"}
-            Whether they are held in between, or follow a straight line.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n)
-            The values.
-        """
+        """Return values of the own samples at all samples."""
         found = values[self.before]
         if hold == "foh":
             after = np.minimum(self.before + 1, self.kept.size - 1)
@@ -76,25 +63,6 @@ class FilledRecord:
 
 def fill(record: Record, interval: float, hold: str) -> FilledRecord:
     """Divide the long steps of a record.
-
-    Parameters
-    ----------
-    record : Record
-        The record.
-    interval : float
-        Step of the network [s].
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-
-    Returns
-    -------
-    FilledRecord
-        The record, with samples in between where a step is at least `LONG` intervals.
-
-    Raises
-    ------
-    RecordError
-        If more than `MOST` samples would be put in between.
 
     Examples
     --------
@@ -124,16 +92,6 @@ def fill(record: Record, interval: float, hold: str) -> FilledRecord:
 
 def is_other_interval(wanted: float, interval: float) -> bool:
     """Return whether a sample interval is not that of the training, within the tolerance.
-
-    Parameters
-    ----------
-    wanted, interval : float
-        The sample interval, and that of the training [s].
-
-    Returns
-    -------
-    bool
-        Whether it is another one.
 
     Examples
     --------
@@ -181,17 +139,7 @@ def holds_at_one_interval(structure: str, module) -> bool:
 
 
 def warn_of_other_intervals(filled: list[FilledRecord], interval: float, structure: str) -> None:
-    """Warn of trajectories whose steps are no multiples of the training's.
-
-    Parameters
-    ----------
-    filled : list of FilledRecord
-        Trajectories, their long steps divided.
-    interval : float
-        Step of the network [s].
-    structure : str
-        Meaning of the network's output.
-    """
+    """Warn of trajectories whose steps are no multiples of the training's."""
     others = [each for each in filled if _is_other(each, interval)]
     if not others:
         return

@@ -35,20 +35,7 @@ def base_of(structure: str) -> str:
 
 
 def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
-    """Return the states that have a network output of their own.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    structure : {"output", "increment", "correction", "dissipative"}
-        Meaning of the output.
-
-    Returns
-    -------
-    list of int
-        Their indices.
-    """
+    """Return the states that have a network output of their own."""
     positions = set(model.slope_pairs.values()) if structure in ON_THE_MODEL else set()
     return [i for i, state in enumerate(model.states) if state not in positions]
 

@@ -104,22 +104,7 @@ def render_report(
 
 
 def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
-    """Render a template.
-
-    Parameters
-    ----------
-    source : callable
-        Returns the text of a template by its name.
-    name : str
-        The template.
-    content : mapping
-        Its content; texts are escaped, and get minus signs in place of hyphens before numbers.
-
-    Returns
-    -------
-    str
-        The page.
-    """
+    """Render a template."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     room = Environment(

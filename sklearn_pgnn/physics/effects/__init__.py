@@ -125,21 +125,6 @@ __all__ = ["CATALOGUE", "Formula", "by_id", *(effect.__name__ for effect in CATA
 def by_id(effect: str) -> type[Effect]:
     """Return the effect of the catalogue with a given id.
 
-    Parameters
-    ----------
-    effect : str
-        Its id, as used in a diagnosis and its report.
-
-    Returns
-    -------
-    type[Effect]
-        The effect.
-
-    Raises
-    ------
-    OptionError
-        If the catalogue has none with that id.
-
     Examples
     --------
     >>> by_id("coulomb_friction").__name__
@@ -167,21 +152,6 @@ def frequent_first(causes: Iterable[Effect]) -> tuple[Effect, ...]:
 
 def find_effect(effect: str) -> type[Effect]:
     """Return the effect with a given id: of the catalogue, or any other that is defined.
-
-    Parameters
-    ----------
-    effect : str
-        Its id.
-
-    Returns
-    -------
-    type[Effect]
-        The effect; if several user-defined effects have the id, the one defined last.
-
-    Raises
-    ------
-    OptionError
-        If there is none.
 
     Examples
     --------
