@@ -310,7 +310,6 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
         progress = Progress(self._show, self.time_limit)
-        progress.begin("reading the records")
         check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         read_noise_std(self.noise_std, list(self.model.outputs))
         require_target(self, X, y)
@@ -321,6 +320,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_records(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
         self._forget()
+        progress.begin("reading the records")
         said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
         investigation = self._investigation(records, progress)
         try:

@@ -9,8 +9,10 @@ from sklearn_pgnn.simulation.compiled import FUNCTION, compile_model
 from sklearn_pgnn.simulation.model_function import RATES
 from sklearn_pgnn.simulation.stepping import OPTIONS, counts_between, evaluate, workspace
 
-#: most samples at which eigenvalues are taken, and the step of a difference, as a share of a state
-SOME, SHARE = 128, 1e-6
+#: most samples at which eigenvalues are taken
+SOME = 128
+#: the step of a difference, as a share of a state; a wide one, and how much they may differ
+SHARE, WIDE, ALIKE = 1e-6, 1e-4, 3.0
 
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 
@@ -65,14 +67,25 @@ def fastest(model: PhysicsModel, t, acting, X, usual: float, enough: float = 0.0
 
 
 def _jacobians(model: PhysicsModel, t, acting, X) -> np.ndarray:
-    """Return the derivatives of the rates by the states at some samples."""
+    """Return the derivatives of the rates by the states at some samples; NaN where there are none.
+
+    Where a difference's quotient depends on its step, as for a root at zero, no linear model holds.
+    """
+    fine, wide = (_differences(model, t, acting, X, share) for share in (SHARE, WIDE))
+    size, other = (np.abs(J).max(axis=(1, 2)) for J in (fine, wide))
+    fine[size > ALIKE * other] = np.nan
+    return fine
+
+
+def _differences(model: PhysicsModel, t, acting, X, share: float) -> np.ndarray:
+    """Return difference quotients, with a step that is a share of each state's size."""
     function, source = compile_model(model)
     p = np.array([parameter.value for parameter in model.parameters.values()], dtype=float)
     size = np.max(np.abs(X), axis=0)
     J = np.empty((t.size, X.shape[1], X.shape[1]))
     _fill_jacobians(
         function.argument, t, np.ascontiguousarray(acting), p, X,
-        SHARE * np.where(size > 0, size, 1.0), np.array(source.dry), source.size, J,
+        share * np.where(size > 0, size, 1.0), np.array(source.dry), source.size, J,
     )  # fmt: skip
     report_calls()
     return J

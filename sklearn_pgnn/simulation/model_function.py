@@ -178,11 +178,14 @@ class _Emission:
             builder.store(value, place, align=8)
 
     def _elimination(self, start, read) -> Elimination:
-        r"""Factorise :math:`I - \gamma h\, \partial f/\partial x` at the step's start."""
+        r"""Factorise :math:`I - \gamma h\, \partial f/\partial x` at the step's start.
+
+        A derivative that is not finite, as a root's at zero, is left out: the order does not need it.
+        """
         n, factor = self.source.n_states, self.builder.fmul(self.h, FLOAT(-DIAGONAL))
         values = self._rate_values(start[:n], FLOAT(0.0), FLOAT(0.0), read)
         matrix = {
-            (i, j): self.builder.fmul(factor, self._unless_stuck(i, values[entry]))
+            (i, j): self.builder.fmul(factor, self._finite(self._unless_stuck(i, values[entry])))
             for i, row in enumerate(self.source.rate_slopes)
             for j, entry in enumerate(row[:n])
             if entry in values
@@ -190,6 +193,15 @@ class _Emission:
         for i in range(n):
             matrix[i, i] = self.builder.fadd(FLOAT(1.0), matrix.get((i, i), FLOAT(0.0)))
         return Elimination(self.builder, self._plus, matrix, n)
+
+    def _finite(self, value):
+        """Return a number, or zero where it is not finite."""
+        builder = self.builder
+        below, above = (
+            builder.fcmp_ordered(sign, value, FLOAT(bound))
+            for sign, bound in (("<", np.inf), (">", -np.inf))
+        )
+        return builder.select(builder.and_(below, above), value, FLOAT(0.0))
 
     def _solved(self, solve, right):
         """Return the solutions for the states and for every column of the rows' pieces."""

@@ -158,8 +158,8 @@ def simulate(
 
 
 def _tried(model, t, acting, x0, hold, steps: Steps) -> Simulation:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SimulationWarning)
+    with warnings.catch_warnings():  # what a function raises is told: it is told only once
+        warnings.filterwarnings("ignore", "the simulation of", SimulationWarning)
         return simulate_acting(model, t, acting, x0, *steps, hold)
 
 

@@ -494,6 +494,7 @@ def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatc
     stages = list(dict.fromkeys(stage for stage, _, _ in said if not stage.startswith(BEST)))
     assert [s for s in stages if s not in ("structure of what is left", "pairs", "formula")] == [
         "reading the records",
+        "wiring",
         "window length",
         "candidates",
         "cause 1",

@@ -71,9 +71,12 @@ def test_effects_and_other_values_keep_it():
     ("simulation", "message"),
     [
         ({"hold": "linear"}, "simulation.hold: expected one of zoh, foh, got 'linear'."),
-        ({"substeps": 0}, "simulation.substeps: expected an integer >= 1, got 0."),
-        ({"substeps": 2.0}, "simulation.substeps: expected an integer >= 1, got 2.0."),
-        ({"substeps": True}, "simulation.substeps: expected an integer >= 1, got True."),
+        ({"substeps": 0}, "simulation.substeps: expected an integer >= 1 and <= 10000, got 0."),
+        ({"substeps": 2.0}, "simulation.substeps: expected an integer >= 1 and <= 10000, got 2.0."),
+        (
+            {"substeps": True},
+            "simulation.substeps: expected an integer >= 1 and <= 10000, got True.",
+        ),
         ({"step": 2}, "simulation: unknown name 'step'; expected one of hold, substeps, method."),
         ("foh", "simulation: expected names and values, got 'foh'."),
     ],
@@ -88,8 +91,14 @@ def test_what_it_cannot_be(simulation, message):
     ("line", "message"),
     [
         ("{hold: linear}", "4:14: simulation.hold: expected one of zoh, foh, got 'linear'."),
-        ("{substeps: 2.5}", "4:24: simulation.substeps: expected an integer >= 1, got '2.5'."),
-        ("{hold: foh, substeps: 0}", "4:25: simulation.substeps: expected an integer >= 1, got 0."),
+        (
+            "{substeps: 2.5}",
+            "4:24: simulation.substeps: expected an integer >= 1 and <= 10000, got '2.5'.",
+        ),
+        (
+            "{hold: foh, substeps: 0}",
+            "4:25: simulation.substeps: expected an integer >= 1 and <= 10000, got 0.",
+        ),
         (
             "{step: 2}",
             "4:14: simulation: unknown name 'step'; expected one of hold, substeps, method.",
