@@ -180,7 +180,7 @@ class _Emission:
     def _elimination(self, start, read) -> Elimination:
         r"""Factorise :math:`I - \gamma h\, \partial f/\partial x` at the step's start.
 
-        A derivative that is not finite, as a root's at zero, is left out: the order does not need it.
+        A derivative that is not finite, as a root's at zero, is left out: any matrix will do.
         """
         n, factor = self.source.n_states, self.builder.fmul(self.h, FLOAT(-DIAGONAL))
         values = self._rate_values(start[:n], FLOAT(0.0), FLOAT(0.0), read)

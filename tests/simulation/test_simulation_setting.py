@@ -93,7 +93,7 @@ def test_what_it_cannot_be(simulation, message):
         ("{hold: linear}", "4:14: simulation.hold: expected one of zoh, foh, got 'linear'."),
         (
             "{substeps: 2.5}",
-            "4:24: simulation.substeps: expected an integer >= 1 and <= 10000, got '2.5'.",
+            "4:24: simulation.substeps: expected an integer >= 1, got '2.5'.",
         ),
         (
             "{hold: foh, substeps: 0}",
