@@ -42,6 +42,9 @@ class CellTable(FileTable):
             del self.rows[-1], self.lines[-1]
         self.check_header()
         self.take_units()
+        if not self.units:
+            above = (row for row in reversed(rows[:start]) if self.are_of_most(row))
+            self.units = _told_units(next(above, ()), known=True)
         self.columns: dict[int, list[Any]] = {}
 
     def check_header(self) -> None:
@@ -63,9 +66,13 @@ class CellTable(FileTable):
         for line, row in zip(self.lines[:below], self.rows[:below], strict=True):
             if row is not units:
                 self.tell_left_out(line, row)
-        if units is not None:
-            self.units = {k: unit for k, cell in enumerate(units) if (unit := _unit(cell))}
+        self.units = _told_units(units or ())
         self.rows, self.lines = self.rows[below:], self.lines[below:]
+
+    def are_of_most(self, row: Sequence[Any]) -> bool:
+        """Whether a row above the header has units for most of its columns."""
+        told = len(_told_units(row, known=True))
+        return 2 * told > sum(map(bool, self.header)) and _is_told(row) and _are_units(row)
 
     def tell_left_out(self, line: int, row: Sequence[Any]) -> None:
         """Warn of a row that is no sample."""
@@ -175,8 +182,17 @@ def _is_sample(cell: Any) -> bool:
 def _are_units(row: Sequence[Any]) -> bool:
     """Whether most of what is told are units."""
     units = [_unit(cell) for cell in row if _text(cell)]
-    known = [u in NONE or (len(u) < SHORT and read_unit(u) is not None) for u in units]
-    return sum(known) > len(known) / 2
+    return sum(map(_is_known, units)) > len(units) / 2
+
+
+def _told_units(row: Sequence[Any], known: bool = False) -> dict[int, str]:
+    """Return what a row of units tells by column, or only those that are known."""
+    units = {k: unit for k, cell in enumerate(row) if (unit := _unit(cell))}
+    return {k: unit for k, unit in units.items() if not known or _is_known(unit)}
+
+
+def _is_known(unit: str) -> bool:
+    return unit in NONE or (len(unit) < SHORT and read_unit(unit) is not None)
 
 
 def _unit(cell: Any) -> str:
