@@ -28,7 +28,7 @@ from sklearn_pgnn.trajectories.number_text import (
     read_number,
     whole_numbers,
 )
-from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, of_files, split_rows
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 from sklearn_pgnn.trajectories.shown import SAID, SHORT, as_yaml, cut, listed, shown
 from sklearn_pgnn.trajectories.tables import read_clock
@@ -136,7 +136,7 @@ class FileTable(ABC):
         t, kept = self.settled(t, names, [*inputs.values(), *outputs.values(), *states.values()])
         X = pd.DataFrame({TRAJECTORY: names, TIME: t, **inputs, **states})
         y = pd.DataFrame(outputs, index=X.index)
-        return X.iloc[kept].reset_index(drop=True), y.iloc[kept].reset_index(drop=True)
+        return of_files(X.iloc[kept].reset_index(drop=True)), y.iloc[kept].reset_index(drop=True)
 
     # -- columns -----------------------------------------------------------------------------------
 

@@ -44,8 +44,8 @@ def as_yaml(name: str) -> str:
 
     Examples
     --------
-    >>> as_yaml("speed"), as_yaml("speed: raw"), as_yaml("'t'"), as_yaml("no")
-    ('speed', '"speed: raw"', '"\'t\'"', '"no"')
+    >>> print(as_yaml("speed"), as_yaml("speed: raw"), as_yaml("'t'"), as_yaml("no"))
+    speed "speed: raw" "'t'" "no"
     """
     plain = _PLAIN.fullmatch(name) and name.lower() not in _WORDS
     return name if plain else json.dumps(name, ensure_ascii=False)
