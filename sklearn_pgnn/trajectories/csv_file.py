@@ -49,14 +49,15 @@ def read_csv(
 
     The separator (comma, semicolon, tab, bar, blanks) is that with which the header names most of
     the model's columns; lines above the header, and those that begin with ``#``, ``%``, ``!`` or
-    ``//``, are left out. Numbers have a decimal point or comma, and may have separators of thousands. A header may
-    carry its unit, as in ``torque [N m]``, ``torque / N m`` or ``torque in N m``, or a row below it
-    has the units: a unit other than the model's is converted, or refused if it measures a different
-    quantity. The time is in seconds, or in dates such as ``2026-01-31 12:00:00.005`` and
-    ``31.01.2026 12:00``, or times of day such as ``12:00:00.005``, which count from each
-    trajectory's first sample. A row that repeats the one before is left out, as is the first of two
-    rows at one time, as simulation tools write steps. A file is one record, or several if it has a
-    column ``trajectory``. It may be packed (``.gz``, ``.bz2``, ``.xz``, ``.zip`` of one file).
+    ``//``, are left out. Numbers have a decimal point or comma, and may have separators of
+    thousands. A header may carry its unit, as in ``torque [N m]``, ``torque / N m`` or ``torque in
+    N m``, or a row below or above it has the units: a unit other than the model's is converted, or
+    refused if it measures a different quantity. The time is in seconds, or in dates such as
+    ``2026-01-31 12:00:00.005`` and ``31.01.2026 12:00``, or times of day such as ``12:00:00.005``,
+    which count from each trajectory's first sample. A row that repeats the one before is left out,
+    as is the first of two rows at one time, as simulation tools write steps. A file is one record,
+    or several if it has a column ``trajectory``. It may be packed (``.gz``, ``.bz2``, ``.xz``,
+    ``.zip`` of one file).
 
     Parameters
     ----------

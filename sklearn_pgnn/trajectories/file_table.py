@@ -354,11 +354,12 @@ class FileTable(ABC):
     def warn_of_unit(self, name: str, k: int) -> None:
         """Warn if a column's name ends in a unit other than the one it is read in."""
         title, unit = self.header[k], self.unit_in_name(name, self.header[k])
+        end = title.rpartition("_")[2]
         if unit and not self.given_unit(name, k):
             wanted = self.wanted_unit(name)
             warn_user(
                 f"{self.path}{self.place(None)}: column {title!r} is read as {name} in {wanted}, "
-                f"but its name ends in {title.rpartition('_')[2]!r}. Remedy: say which it is in the model file: "
+                f"but its name ends in {end!r}. Remedy: say which it is in the model file: "
                 f'columns: {{{name}: "{title} [{unit}]"}}, or "{title} [{wanted}]".',
                 RecordWarning,
             )

@@ -32,7 +32,7 @@ SAMPLES = "samples"
 
 
 def of_files(X: pd.DataFrame) -> pd.DataFrame:
-    """Return an X as read from files, which knows its rows: whole records lack what loggers lost."""
+    """Return an X of files, which knows its rows: a whole record lacks what its logger lost."""
     X.attrs[SAMPLES] = {str(name): int(n) for name, n in X[TRAJECTORY].value_counts().items()}
     return X
 

@@ -14,8 +14,8 @@ LONGEST = 200
 def split_title(title: str) -> tuple[str, str]:
     """Return the name and the unit of a column, empty if there is none.
 
-    Text in round brackets may be a remark; behind a slash, a comma, a colon or ``in`` stands a known
-    unit.
+    Text in round brackets may be a remark; a known unit stands behind a slash, a comma, a colon or
+    ``in``.
 
     Examples
     --------
