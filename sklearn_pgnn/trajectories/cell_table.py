@@ -2,12 +2,12 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.units import NONE, read_unit
+from sklearn_pgnn.physics.units import NONE, conversion, read_unit
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.number_text import NOTHING, read_number
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
@@ -71,8 +71,21 @@ class CellTable(FileTable):
 
     def are_of_most(self, row: Sequence[Any]) -> bool:
         """Whether a row above the header has units for most of its columns."""
-        told = len(_told_units(row, known=True))
-        return 2 * told > sum(map(bool, self.header)) and _is_told(row) and _are_units(row)
+        told = _told_units(row, known=True)
+        many = 2 * len(told) > sum(map(bool, self.header)) and _is_told(row) and _are_units(row)
+        return many and self.are_like_the_models(told)
+
+    def quantities(self) -> tuple[str, ...]:
+        """Return the time, the inputs and the outputs."""
+        return TIME, *self.model.inputs, *(self.model.outputs or ())
+
+    def are_like_the_models(self, units: Mapping[int, str]) -> bool:
+        """Whether most units measure what the model's do: letters that count columns do not."""
+        wanted = {
+            k: self.wanted_unit(n) for n in self.quantities() if (k := self.find(n)) is not None
+        }
+        both = [(units[k], unit) for k, unit in wanted.items() if unit and k in units]
+        return 2 * sum(conversion(*pair) is not None for pair in both) >= len(both)
 
     def tell_left_out(self, line: int, row: Sequence[Any]) -> None:
         """Warn of a row that is no sample."""

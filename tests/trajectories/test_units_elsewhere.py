@@ -51,6 +51,11 @@ def test_units_are_read_wherever_they_stand(tmp_path, head):
     assert read(tmp_path, head + SAMPLES) == pytest.approx((1500, 293.15, 0.007))
 
 
+def test_letters_that_count_columns_are_no_units(tmp_path):
+    text = "A\tB\tC\tD\nt\tpower\ttemperature\tstretch\n" + SAMPLES
+    assert read(tmp_path, text) == (1.5, 20.0, 7.0)
+
+
 @pytest.mark.parametrize(
     ("given", "wanted", "known"),
     [
