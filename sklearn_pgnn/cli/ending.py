@@ -16,9 +16,18 @@ def take_any_text() -> None:
         sys.stdout.reconfigure(errors="replace")  # type: ignore[union-attr]
 
 
+def open_closed_streams() -> None:
+    """Let what was closed before the start (``>&-``) take everything, and no file its number."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+
+
 def run_to_the_end(command: Callable[[], object]) -> None:
     """Run a command; when it has ended nobody waits for workers, and a signal has no traceback."""
     code = 1
+    open_closed_streams()
     try:
         command()
     except OSError as error:  # of what click writes

@@ -5,6 +5,7 @@ A unit is parsed by the same whitelist as an equation; pint knows the names, and
 
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +19,18 @@ if TYPE_CHECKING:
 
 #: longest unit that is read
 MAX_LENGTH = 60
+#: least length of a name that may begin with a capital, as in Volts
+WORD = 4
 #: texts that stand for no unit
 NONE = frozenset({"", "-", "1", "[]"})
 #: signs and words that pint would read differently
 _SPELLED = {"%": "percent", "°C": "degC", "℃": "degC", "°": "deg", "Ω": "ohm", "Ohm": "ohm"}
 _SPELLED |= {"U/min": "rpm", "r/min": "rpm", "Umdr/min": "rpm", "Grad": "deg"}
-_SPELLED |= {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "²": "^2", "³": "^3", "½": "^0.5"}
+_SPELLED |= {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "⁻¹": "^-1", "⁻²": "^-2", "⁻³": "^-3"}
+_SPELLED |= {"²": "^2", "³": "^3", "½": "^0.5"}
+#: temperatures with a zero of their own
+_SHIFTED = ("degree_Celsius", "degree_Fahrenheit")
+_DOT = re.compile(r"(?<=[A-Za-z])\.(?=[A-Za-z])")
 _NEWTON_METRE = re.compile(r"\b([kMmu]?)Nm\b")
 _POWER = re.compile(r"\b([A-Za-z]+)([23]|-[1-4])\b")
 _ANGLE = re.compile(r"rad|deg|rpm|rev|turn|arc")
@@ -114,6 +121,8 @@ def conversion(given: str, wanted: str) -> tuple[float, float] | None:
     one, other = read_unit(given), read_unit(wanted)
     if one is None or other is None or not is_like(one, other) or _may_count_turns(given, wanted):
         return None
+    if is_like(one, read_unit("K")) and _has_own_zero(given) != _has_own_zero(wanted):
+        return None
     return float(f"{one.magnitude / other.magnitude:.15g}"), 0.0
 
 
@@ -134,20 +143,27 @@ def plain_unit(text: str) -> str:
     """
     for sign, word in _SPELLED.items():
         text = text.replace(sign, word)
-    text = _NEWTON_METRE.sub(r"\1N m", text.strip()).replace("^", "**")
+    text = _DOT.sub(" ", text.strip())
+    text = _NEWTON_METRE.sub(r"\1N m", text).replace("^", "**")
     text = _POWER.sub(r"\1**\2", text)
     text = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
     return re.sub(r"\s+", "", text)
 
 
+def _has_own_zero(unit: str) -> bool:
+    """Whether a temperature such as 0.1 degC counts from a zero of its own, or may do so."""
+    return any(_pint_name(name) in _SHIFTED for name in re.findall(r"[^\W\d]\w*", plain_unit(unit)))
+
+
 def _temperature(given: str, wanted: str) -> tuple[float, float] | None:
     """Return the conversion between two temperatures, whose zeros differ."""
     pair = (plain_unit(given), plain_unit(wanted))
-    if not any(name in ("degC", "degF") for name in pair):
+    if not any(_pint_name(name) in _SHIFTED for name in pair):
         return None
+    pair = _pint_name(pair[0]), _pint_name(pair[1])
     try:
         zero, ten = (_registry().Quantity(x, pair[0]).to(pair[1]).magnitude for x in (0.0, 10.0))
-    except Exception:  # pint has a dozen ways to say that a name is none, or another kind's
+    except Exception:  # another kind's, or no name at all
         return None
     return float(f"{(ten - zero) / 10:.12g}"), float(f"{zero:.12g}")
 
@@ -161,14 +177,25 @@ def _registry() -> "UnitRegistry":
 
 def _named(name: str) -> "Quantity | None":
     """Return a named unit in base units: none for an angle, a difference for a temperature."""
-    registry = _registry()
-    if name in ("degC", "degF"):
-        name = f"delta_{name}"
-    try:
-        found = registry.Quantity(1.0, name).to_base_units()
-    except Exception:  # see `_temperature`
+    registry, known = _registry(), _pint_name(name)
+    if known in _SHIFTED:
+        known = f"delta_{known}"
+    if not known or not registry.Quantity(1.0, known)._is_multiplicative:  # decibels are no factor
         return None
+    found = registry.Quantity(1.0, known).to_base_units()
     return found / registry.radian ** dict(found.unit_items()).get("radian", 0)
+
+
+@lru_cache(maxsize=1024)
+def _pint_name(name: str) -> str:
+    """Return pint's own name of a unit, which may begin with a capital; empty for none."""
+    registry, words = _registry(), [name]
+    if len(name) >= WORD and name.istitle():
+        words.append(name.lower())
+    for word in words if name.isidentifier() else ():
+        with suppress(Exception):  # pint has a dozen ways to say that a name is none
+            return registry.get_name(word)
+    return ""
 
 
 def _evaluated(expression: sympy.Expr, known: Mapping[str, "Quantity"]) -> "Quantity | None":

@@ -312,5 +312,5 @@ def _rms(values: np.ndarray) -> np.ndarray:
     return np.sqrt(np.nansum(values**2, axis=0) / counts)
 
 
-def _spread(values: np.ndarray) -> float:
-    return float(np.nanstd(values)) if np.isfinite(values).any() else np.nan
+def _spread(values: np.ndarray) -> np.float64:  # a float of Python could not divide by 0
+    return np.nanstd(values) if np.isfinite(values).any() else np.float64(np.nan)

@@ -2,12 +2,12 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.units import NONE, read_unit
+from sklearn_pgnn.physics.units import NONE, conversion, read_unit
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.number_text import NOTHING, read_number
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
@@ -42,6 +42,9 @@ class CellTable(FileTable):
             del self.rows[-1], self.lines[-1]
         self.check_header()
         self.take_units()
+        if not self.units:
+            above = (row for row in reversed(rows[:start]) if self.are_of_most(row))
+            self.units = _told_units(next(above, ()), known=True)
         self.columns: dict[int, list[Any]] = {}
 
     def check_header(self) -> None:
@@ -63,9 +66,26 @@ class CellTable(FileTable):
         for line, row in zip(self.lines[:below], self.rows[:below], strict=True):
             if row is not units:
                 self.tell_left_out(line, row)
-        if units is not None:
-            self.units = {k: unit for k, cell in enumerate(units) if (unit := _unit(cell))}
+        self.units = _told_units(units or ())
         self.rows, self.lines = self.rows[below:], self.lines[below:]
+
+    def are_of_most(self, row: Sequence[Any]) -> bool:
+        """Whether a row above the header has units for most of its columns."""
+        told = _told_units(row, known=True)
+        many = 2 * len(told) > sum(map(bool, self.header)) and _is_told(row) and _are_units(row)
+        return many and self.are_like_the_models(told)
+
+    def quantities(self) -> tuple[str, ...]:
+        """Return the time, the inputs and the outputs."""
+        return TIME, *self.model.inputs, *(self.model.outputs or ())
+
+    def are_like_the_models(self, units: Mapping[int, str]) -> bool:
+        """Whether most units measure what the model's do: letters that count columns do not."""
+        wanted = {
+            k: self.wanted_unit(n) for n in self.quantities() if (k := self.find(n)) is not None
+        }
+        both = [(units[k], unit) for k, unit in wanted.items() if unit and k in units]
+        return 2 * sum(conversion(*pair) is not None for pair in both) >= len(both)
 
     def tell_left_out(self, line: int, row: Sequence[Any]) -> None:
         """Warn of a row that is no sample."""
@@ -175,8 +195,17 @@ def _is_sample(cell: Any) -> bool:
 def _are_units(row: Sequence[Any]) -> bool:
     """Whether most of what is told are units."""
     units = [_unit(cell) for cell in row if _text(cell)]
-    known = [u in NONE or (len(u) < SHORT and read_unit(u) is not None) for u in units]
-    return sum(known) > len(known) / 2
+    return sum(map(_is_known, units)) > len(units) / 2
+
+
+def _told_units(row: Sequence[Any], known: bool = False) -> dict[int, str]:
+    """Return what a row of units tells by column, or only those that are known."""
+    units = {k: unit for k, cell in enumerate(row) if (unit := _unit(cell))}
+    return {k: unit for k, unit in units.items() if not known or _is_known(unit)}
+
+
+def _is_known(unit: str) -> bool:
+    return unit in NONE or (len(unit) < SHORT and read_unit(unit) is not None)
 
 
 def _unit(cell: Any) -> str:

@@ -29,7 +29,10 @@ _WORD = re.compile(
 )
 #: a field between two or more blanks
 _WORDS = re.compile(r"""("[^"]*"|[^ \t]+(?: [^ \t]+)*)""")
-_NUMBERS = re.compile(r"[\s\d.,;|+\-eE\t]+")
+#: a line that begins with a number and has nothing but numbers and dates
+_NUMBERS = re.compile(r"""\s*["']?[+\-]?[.,]?\d[\s\d.,;|+\-eEdDqQ:/TZ'"]*""")
+#: signs of a comment
+_COMMENT = re.compile(r"\s*(?:[#%!]+|//+)\s*")
 _WIDTHS = {
     True: "Remedy: write nan where a value is missing, or separate by commas.",
     False: "Remedy: put texts with separators into quotes; with decimal commas, separate by "
@@ -45,15 +48,16 @@ def read_csv(
     r"""Read a CSV file as the X and y of a model.
 
     The separator (comma, semicolon, tab, bar, blanks) is that with which the header names most of
-    the model's columns; lines above the header, and those that begin with ``#`` or ``%``, are left
-    out. Numbers have a decimal point or comma, and may have separators of thousands. A header may
-    carry its unit, as in ``torque [N m]``, ``torque / N m`` or ``torque in N m``, or a row below it
-    has the units: a unit other than the model's is converted, or refused if it measures a different
-    quantity. The time is in seconds, or in dates such as ``2026-01-31 12:00:00.005`` and
-    ``31.01.2026 12:00``, or times of day such as ``12:00:00.005``, which count from each
-    trajectory's first sample. A row that repeats the one before is left out, as is the first of two
-    rows at one time, as simulation tools write steps. A file is one record, or several if it has a
-    column ``trajectory``. It may be packed (``.gz``, ``.bz2``, ``.xz``, ``.zip`` of one file).
+    the model's columns; lines above the header, and those that begin with ``#``, ``%``, ``!`` or
+    ``//``, are left out. Numbers have a decimal point or comma, and may have separators of
+    thousands. A header may carry its unit, as in ``torque [N m]``, ``torque / N m`` or ``torque in
+    N m``, or a row below or above it has the units: a unit other than the model's is converted, or
+    refused if it measures a different quantity. The time is in seconds, or in dates such as
+    ``2026-01-31 12:00:00.005`` and ``31.01.2026 12:00``, or times of day such as ``12:00:00.005``,
+    which count from each trajectory's first sample. A row that repeats the one before is left out,
+    as is the first of two rows at one time, as simulation tools write steps. A file is one record,
+    or several if it has a column ``trajectory``. It may be packed (``.gz``, ``.bz2``, ``.xz``,
+    ``.zip`` of one file).
 
     Parameters
     ----------
@@ -168,7 +172,7 @@ class _CsvTable(CellTable):
     def split(self, text: str) -> tuple[list[int], list[str]]:
         """Return the line numbers and texts of all lines but comments and empty ones.
 
-        A comment above numbers, as NumPy writes the names of columns, is the header.
+        Comments right above numbers, as NumPy writes the names of columns, may be the header.
         """
         lines = re.split(r"\r\n|\n|\r", text)
         self.whole = not lines[-1]
@@ -177,13 +181,14 @@ class _CsvTable(CellTable):
             if len(lines[k]) > LONGEST:
                 why = f"expected lines of at most {LONGEST} characters, got {len(lines[k])}."
                 refuse_file(self.path, f"{why} Remedy: save one sample a line.", k + 1)
-        kept = [k for k in told if lines[k].lstrip()[0] not in "#%"]
+        kept = [k for k in told if not _COMMENT.match(lines[k])]
         if not kept:
             refuse_file(self.path, "expected a header and samples, got comments only.")
-        above = told[told.index(kept[0]) - 1] if told[0] != kept[0] else None
-        if above is not None and _NUMBERS.fullmatch(lines[kept[0]]):
-            lines[above] = lines[above].lstrip(" \t#%")
-            kept.insert(0, above)
+        if _NUMBERS.fullmatch(lines[kept[0]]):
+            above = [k for k in told[: told.index(kept[0])] if lines[k].strip(" \t#%!/*-=")]
+            for k in above:
+                lines[k] = _COMMENT.sub("", lines[k], count=1)
+            kept = above + kept
         return [k + 1 for k in kept], [lines[k] for k in kept]
 
     def parse(self, texts: list[str], lines: list[int], separator: str) -> list[list[str]]:
@@ -221,21 +226,24 @@ class _CsvTable(CellTable):
 def choose_separator(texts: list[str], names: list[str]) -> str:
     """Return the separator with which a line names most quantities; else that of most lines.
 
+    Blanks divide what tabs divide, too, and therefore come last.
+
     Examples
     --------
     >>> choose_separator(["rig 3, hall 2", "t;force, raw;speed", "0,0;1,5;2"], ["t", "speed"])
     ';'
     """
 
-    def suits(separator: str) -> tuple[int, float]:
+    def suits(separator: str) -> tuple[int, bool, float]:
         rows = [_fields_or_none(text, separator) for text in texts]
         widths = [len(row) for row in rows]
         usual = max(set(widths), key=widths.count)
         named = max(quantities_in(row, names) for row in rows)
-        return named, round(widths.count(usual) / len(rows), 2) if usual > 1 else 0.0
+        signs = named > 1 and separator not in _BLANKS
+        return named, signs, round(widths.count(usual) / len(rows), 2) if usual > 1 else 0.0
 
     best = {separator: suits(separator) for separator in SEPARATORS}
-    if not any(regular for _, regular in best.values()):
+    if not any(regular for *_, regular in best.values()):
         return ","
     return max(best, key=best.__getitem__)
 

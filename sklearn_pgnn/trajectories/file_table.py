@@ -28,9 +28,9 @@ from sklearn_pgnn.trajectories.number_text import (
     read_number,
     whole_numbers,
 )
-from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, of_files, split_rows
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
-from sklearn_pgnn.trajectories.shown import SAID, SHORT, cut, listed, shown
+from sklearn_pgnn.trajectories.shown import SAID, SHORT, as_yaml, cut, listed, shown
 from sklearn_pgnn.trajectories.tables import read_clock
 from sklearn_pgnn.trajectories.time_text import UnclearTimes, read_times
 from sklearn_pgnn.trajectories.titles import (
@@ -52,8 +52,10 @@ NO_TIME = "Or, if it has no time, give the sample interval: sample_time=0.01 [s]
 COMPARED = 2000
 #: by how much a sample time may differ from that of a column in its place without a warning
 DIFFERENT = 0.05
+#: ends of names of temperatures, which as units are the coulomb and the farad
+_DEGREES = {"C": "degC", "F": "degF"}
 _DATE = re.compile(r"\d:\d|\d[./-]\d+[./-]\d")
-_WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?\s*([^\d\s.,:/×-]\S{0,9})")
+_WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?\s*([^\d\s.,:/×+-]\S{0,9})")
 
 
 class FileTable(ABC):
@@ -134,7 +136,7 @@ class FileTable(ABC):
         t, kept = self.settled(t, names, [*inputs.values(), *outputs.values(), *states.values()])
         X = pd.DataFrame({TRAJECTORY: names, TIME: t, **inputs, **states})
         y = pd.DataFrame(outputs, index=X.index)
-        return X.iloc[kept].reset_index(drop=True), y.iloc[kept].reset_index(drop=True)
+        return of_files(X.iloc[kept].reset_index(drop=True)), y.iloc[kept].reset_index(drop=True)
 
     # -- columns -----------------------------------------------------------------------------------
 
@@ -147,7 +149,12 @@ class FileTable(ABC):
         for is_it in _ways_to_find(wanted):
             found = [k for k, text in enumerate(self.header) if is_it(text)]
             if len(found) > 1:
-                self.refuse(None, f"expected it once, got it {len(found)} times.", wanted)
+                self.refuse(
+                    None,
+                    f"expected it once, got it {len(found)} times. Remedy: keep the right one, and "
+                    f"rename or delete the others.",
+                    wanted,
+                )
             if found:
                 return found[0]
         return None
@@ -234,7 +241,7 @@ class FileTable(ABC):
     def with_unit(self, name: str, title: str) -> str:
         """Return a column's title as the model's `columns` would give it, with its unit."""
         unit = self.unit_in_name(name, title)
-        return f'"{title} [{unit}]"' if unit else title
+        return f'"{title} [{unit}]"' if unit else as_yaml(title)
 
     def unit_in_name(self, name: str, title: str) -> str:
         """Return the unit at the end of a title such as time_ms, if it is not the model's."""
@@ -245,6 +252,8 @@ class FileTable(ABC):
             return ""
         if name == TIME:
             return last if last in TIMES else ""
+        if title != name and last in _DEGREES and conversion("K", wanted):
+            last = _DEGREES[last]
         found = conversion(last, wanted)
         return last if found not in (None, (1.0, 0.0)) else ""
 
@@ -345,11 +354,12 @@ class FileTable(ABC):
     def warn_of_unit(self, name: str, k: int) -> None:
         """Warn if a column's name ends in a unit other than the one it is read in."""
         title, unit = self.header[k], self.unit_in_name(name, self.header[k])
+        end = title.rpartition("_")[2]
         if unit and not self.given_unit(name, k):
             wanted = self.wanted_unit(name)
             warn_user(
                 f"{self.path}{self.place(None)}: column {title!r} is read as {name} in {wanted}, "
-                f"but its name ends in {unit!r}. Remedy: say which it is in the model file: "
+                f"but its name ends in {end!r}. Remedy: say which it is in the model file: "
                 f'columns: {{{name}: "{title} [{unit}]"}}, or "{title} [{wanted}]".',
                 RecordWarning,
             )

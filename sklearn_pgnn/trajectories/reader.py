@@ -27,6 +27,14 @@ from sklearn_pgnn.trajectories.torn_rows import INSTEAD, refuse_torn_rows
 #: fewest samples of a trajectory with outputs
 MIN_SAMPLES = 4
 TRAJECTORY = "trajectory"
+#: attribute of an X that was read from files: the rows of every trajectory
+SAMPLES = "samples"
+
+
+def of_files(X: pd.DataFrame) -> pd.DataFrame:
+    """Return an X of files, which knows its rows: a whole record lacks what its logger lost."""
+    X.attrs[SAMPLES] = {str(name): int(n) for name, n in X[TRAJECTORY].value_counts().items()}
+    return X
 
 
 def read_records(
@@ -79,7 +87,8 @@ def read_records(
     u = _inputs(model, table)
     _refuse_not_finite(u, list(model.inputs), table)
     pieces = split_rows(t, _trajectories(table))
-    refuse_torn_rows([t[rows] for _, rows in pieces])
+    whole = getattr(X, "attrs", {}).get(SAMPLES, {})
+    refuse_torn_rows([t[rows] for name, rows in pieces if whole.get(name) != rows.size])
     states = _states(model, table, [rows[0] for _, rows in pieces])
     records = []
     for (name, rows), x0 in zip(pieces, states, strict=True):

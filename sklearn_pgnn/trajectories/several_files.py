@@ -8,7 +8,7 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.file_text import stem
-from sklearn_pgnn.trajectories.reader import TRAJECTORY
+from sklearn_pgnn.trajectories.reader import TRAJECTORY, of_files
 
 
 def read_each(
@@ -36,7 +36,7 @@ def read_each(
         tables[0].refuse_unmeasured(_measured(*(y for _, y in found)))
     y = pd.concat([y for _, y in found], ignore_index=True)
     Xs = _named([X for X, _ in found], [stem(table.path) for table in tables])
-    return pd.concat(Xs, ignore_index=True), y[[n for n in model.outputs or () if n in y]]
+    return of_files(pd.concat(Xs, ignore_index=True)), y[[n for n in model.outputs or () if n in y]]
 
 
 def _measured(*ys: pd.DataFrame) -> set[str]:

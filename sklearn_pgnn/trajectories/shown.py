@@ -1,10 +1,15 @@
 """Cells and lists as error messages show them: never longer than a line or two."""
 
+import json
+import re
 from collections.abc import Iterable
 from typing import Any
 
 #: longest text of a cell, of a list, and of a whole sentence
 SHORT, LISTED, SAID = 60, 300, 1200
+#: names that YAML reads as they stand, and those of them that it does not read as texts
+_PLAIN = re.compile(r"[^\W\d][\w./-]*(?: [\w./-]+)*|/[\w./-]+")
+_WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
 
 
 def cut(text: str, most: int) -> str:
@@ -32,3 +37,15 @@ def shown(cell: Any) -> str:
 def listed(names: Iterable[str]) -> str:
     """Return names, separated by commas."""
     return cut(", ".join(cut(name, SHORT) for name in names), LISTED)
+
+
+def as_yaml(name: str) -> str:
+    """Return a name as a model file has to write it, in quotes where YAML would read another.
+
+    Examples
+    --------
+    >>> print(as_yaml("speed"), as_yaml("speed: raw"), as_yaml("'t'"), as_yaml("no"))
+    speed "speed: raw" "'t'" "no"
+    """
+    plain = _PLAIN.fullmatch(name) and name.lower() not in _WORDS
+    return name if plain else json.dumps(name, ensure_ascii=False)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from sklearn_pgnn.physics.units import read_unit
 
 _BRACKETS = re.compile(r"\s*(?:\[([^]]*)\]|\(([^)]*)\)|\{([^}]*)\}|<([^>]*)>)$")
-_BEFORE_UNIT = re.compile(r"\s*/\s*|\s*,\s*|\s+(?:in|en)\s+")
+_BEFORE_UNIT = re.compile(r"\s*/\s*|\s*,\s*|\s*:\s+|\s+(?:in|en)\s+")
 #: longest title in which a unit is looked for
 LONGEST = 200
 
@@ -14,7 +14,8 @@ LONGEST = 200
 def split_title(title: str) -> tuple[str, str]:
     """Return the name and the unit of a column, empty if there is none.
 
-    Text in round brackets may be a remark; behind a slash, a comma or ``in`` stands a known unit.
+    Text in round brackets may be a remark; a known unit stands behind a slash, a comma, a colon or
+    ``in``.
 
     Examples
     --------

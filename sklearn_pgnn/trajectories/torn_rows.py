@@ -7,7 +7,8 @@ intervals that are independent of each other and geometrically distributed,
 
 Uneven sampling gives no multiples of one interval, lost samples leave almost all steps at 1, a gap
 is one long step, and a clock that depends on what is measured gives steps that resemble the ones
-before. Rows in random order give ascending runs of two rows on average.
+before. Longest steps that chance would exceed, as where a message comes after one or two intervals,
+are no chance. Rows in random order give ascending runs of two rows on average.
 """
 
 from collections.abc import Sequence
@@ -30,6 +31,8 @@ FEW, ENOUGH = 8, 25
 NEAR, MOSTLY = 0.2, 0.9
 #: standard errors within which shares of steps are those of random rows, and what jitter adds
 SIGMAS, SLACK = 3.5, 0.02
+#: probability below which steps are not said to be random
+CHANCE = 1e-4
 #: rows of a trajectory on average, below which their order is looked at
 SHORT = 3.0
 
@@ -93,6 +96,8 @@ def _steps(intervals: np.ndarray) -> np.ndarray | None:
 def _are_random(steps: np.ndarray, kept: float) -> bool:
     """Return whether steps are geometrically distributed and independent of each other."""
     n, lost, mean = steps.size, 1.0 - kept, 1.0 / kept
+    if (1.0 - lost ** steps.max()) ** n < CHANCE:
+        return False
     for k in (2, 3, int(np.ceil(mean)), int(np.ceil(2 * mean))):
         expected = lost**k
         of_kept = k * expected * np.sqrt(kept / lost / n)

@@ -226,6 +226,16 @@ def test_a_fit_that_diverges_in_free_run_is_said_so(files, monkeypatch):
     assert "inf" not in said
 
 
+def test_a_fit_that_ends_at_a_bound_says_so(files):
+    text = (files / "cart.yaml").read_text()
+    out = files / "fitted.yaml"
+    assert "bound" not in run("fit", *given(files), "--output", out, "--quiet").stdout
+    text = text.replace("value: 0.5", "value: 0.2, bounds: [0.1, 0.3]")
+    (files / "cart.yaml").write_text(text)
+    said = run("fit", *given(files), "--output", out, "--quiet", "--force").stdout
+    assert "d ended at a bound (0.1 to 0.3): the records want a value beyond it. Remedy: " in said
+
+
 def test_a_fit_writes_a_model_file_and_says_what_it_changed(files):
     text = (files / "cart.yaml").read_text().replace("value: 0.5", "value: 0.8")
     (files / "cart.yaml").write_text(text)

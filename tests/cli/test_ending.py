@@ -124,6 +124,15 @@ def test_a_stream_that_takes_nothing_is_told_in_one_line(args):
 
 @pytest.mark.slow
 @posix
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-", "<&- >&- 2>&-", "<&-"])
+def test_a_closed_stream_takes_everything(closed):
+    command = f"{sys.executable} -m sklearn_pgnn completion bash {closed}"
+    done = subprocess.run(command, shell=True, env=environment(), capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.slow
+@posix
 def test_what_reads_no_more_ends_the_command_without_a_word():
     command = f"{sys.executable} -m sklearn_pgnn completion bash | head -c 1 > /dev/null"
     done = subprocess.run(command, shell=True, env=environment(), capture_output=True, text=True)

@@ -1,6 +1,9 @@
 """Wiring: another sign, order or unit is found where it is wrong, and doubted nowhere else."""
 
+import warnings
+
 import numpy as np
+import pandas as pd
 import pytest
 from ruamel.yaml import YAML
 
@@ -150,3 +153,15 @@ def test_missing_physics_is_not_taken_for_a_wire(seed):
         CART, "random", n_records=3, duration=8, sample_rate=50, random_state=seed
     )
     assert find_wiring(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y)) is None
+
+
+@pytest.mark.parametrize("rate", ["1e9*v*v", "1e6*v**2 + 1", "v*(v + 1)*(v + 2)*(x + 3)**4"])
+def test_a_model_that_ends_at_once_has_no_wiring_and_is_no_bug(rate):
+    model = PhysicsModel(
+        {"x": "m", "v": "m/s"}, {"x": "v", "v": rate}, inputs={"F": "N"}, outputs={"y": "x"}
+    )
+    t = 0.02 * np.arange(300)
+    X = pd.DataFrame({"t": t, "F": np.sign(np.sin(4 * t))})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert find_wiring(model, read_records(model, X, np.sin(3 * t))) is None

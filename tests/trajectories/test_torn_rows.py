@@ -10,7 +10,7 @@ from sklearn.utils import resample
 
 from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.exceptions import RecordError
-from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories import read_files, read_records
 
 pytestmark = pytest.mark.core
 
@@ -82,6 +82,8 @@ def honest(kind, n, rng):
         return np.sort(rng.uniform(0, n, n))
     if kind == "two clocks":
         return np.unique(np.concatenate([2 * even, 5 * even]))
+    if kind == "now and then a message late":
+        return np.cumsum(rng.choice([1.0, 1.0, 1.0, 2.0], n))
     if kind == "sent on change":
         x = np.sin(0.02 * np.arange(4 * n)) + 0.3 * np.sin(0.07 * np.arange(4 * n))
         return np.flatnonzero(np.diff(np.floor(x / 0.05), prepend=np.nan) != 0).astype(float)
@@ -90,7 +92,7 @@ def honest(kind, n, rng):
 
 HONEST = [
     "lost samples", "bursts of lost samples", "a gap", "uneven steps", "random times", "two clocks",
-    "sent on change", "every n-th sample",
+    "sent on change", "every n-th sample", "now and then a message late",
 ]  # fmt: skip
 
 
@@ -133,3 +135,17 @@ def test_times_as_dates_are_looked_at_too():
     assert read_records(LAG, X)
     with pytest.raises(RecordError, match="49 % of the rows are missing, one by one and at rand"):
         read_records(LAG, drawn(2, X, 0)[0])
+
+
+def test_a_whole_file_is_read_with_the_rows_its_logger_lost_and_its_fold_is_refused(tmp_path):
+    rng = np.random.default_rng(5)
+    for name in ("one", "two"):
+        t = np.flatnonzero(rng.random(500) > 0.2).astype(float)
+        table = pd.DataFrame({"t": t, "u": 1.0, "y": np.sin(t)})
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+    for paths in (["one.csv"], ["one.csv", "two.csv"]):
+        X, y = read_files([tmp_path / path for path in paths], LAG)
+        assert len(read_records(LAG, X, y)) == len(paths)
+        for side in next(KFold(4, shuffle=True, random_state=0).split(X)):
+            with pytest.raises(RecordError, match="folds by TrajectoryKFold"):
+                read_records(LAG, X.iloc[side], y.iloc[side])
