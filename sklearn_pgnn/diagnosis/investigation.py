@@ -6,6 +6,8 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
@@ -189,9 +191,13 @@ class Investigation:
             other = select_windows(other, self.progress).problem
         problem = replace(problem, min_samples=other.min_samples)
         problem = recut(problem, other.scales.window) or problem
-        if not self._steps_are_told:
-            problem = with_substeps(problem, other.windows.substeps)
-        return HypothesisFitter(problem, self.progress)
+        if self._steps_are_told:
+            return HypothesisFitter(problem, self.progress)
+        suited = with_substeps(problem, other.windows.substeps)
+        fitter = HypothesisFitter(suited, self.progress)
+        if np.isfinite(fitter.base().fit.evaluation.squares).all():
+            return fitter
+        return HypothesisFitter(problem, self.progress)  # finite as given, if only in its own steps
 
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
         """Return the fitter with integration steps as the prior needs them, stable ones if told."""

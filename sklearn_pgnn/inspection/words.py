@@ -244,13 +244,21 @@ def remaining_sentence(diagnosis) -> str:
     if remaining.kind == "structure":
         without = "" if diagnosis.discrepancy_ is None else " without the formula"
         law = law_sentence(diagnosis.model, remaining.law)
-        why = _why_structure(diagnosis)
+        why = _of_single_records(diagnosis) or ", so physics is still missing."
         return f"What is left{without} is structure ({much}): {law}{why}"
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
     if diagnosis.verdict_ == "predicts_nothing":
         return "What is left is the model's own error: it says nothing about the machine."
-    if remaining.is_much:
+    return _disturbance(diagnosis, much)
+
+
+def _disturbance(diagnosis, much: str) -> str:
+    """Return what is left that no law predicts; a test that finds nothing proves nothing."""
+    why = _of_single_records(diagnosis)
+    if why:
+        return f"What is left is more than noise ({much}){why}"
+    if diagnosis.remaining_.is_much:
         return (
             f"What is left is more than noise ({much}), and no law that was tried predicts it "
             f"beyond chance from what was recorded, neither as it is nor as it was before: "
@@ -262,14 +270,14 @@ def remaining_sentence(diagnosis) -> str:
     )
 
 
-def _why_structure(diagnosis) -> str:
-    """Return what structure is due to: a parameter that differs between records, or physics."""
+def _of_single_records(diagnosis) -> str:
+    """Return that a parameter differs between records; empty where none was seen to."""
     differs = differing(diagnosis.data_quality_, diagnosis.model)
     if differs is None:
-        return ", so physics is still missing."
+        return ""
     return (
-        f". But the same model fitted to each record alone explains most of it: {differs.text}. No "
-        f"law that holds in all records alike can take its place."
+        f". The same model fitted to each record alone explains most of it: {differs.text}. No law "
+        f"that holds in all records alike can take its place."
     )
 
 

@@ -66,6 +66,8 @@ def test_where_a_parameter_differs_between_records_no_physics_is_called_missing(
     assert "missing" not in said
     assert "fitted to each record alone explains most of it: d goes from 1 to 2." in said
     assert next_step(found).startswith("Improve the records first (drift between records of d): ")
+    found.complete_, found.remaining_.kind = True, "disturbance"
+    assert "fitted to each record alone explains most of it" in words.remaining_sentence(found)
 
 
 def test_what_is_likelier_than_every_name_stands_beside_the_names():
