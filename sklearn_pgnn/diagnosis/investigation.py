@@ -318,6 +318,7 @@ class Investigation:
             refined = self._refined(found, finer)
             if refined.result.steps:
                 return refined
+            found = _provisional(found)  # its causes do not stand in finer steps
         again = self._search(finer)
         return again if again.result.complete else found
 
@@ -346,8 +347,15 @@ class Investigation:
         if not of_one.names(before, sloped.held_out(refitted)):
             return held
         again = self._search(sloped, refitted)
+        if not again.result.complete:
+            return _provisional(held)
         better = criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0
-        return again if better and again.result.complete else held
+        return again if better else held
+
+
+def _provisional(found: Findings) -> Findings:
+    """Return what was found by a hold or by steps that are refuted, for want of another end."""
+    return replace(found, result=replace(found.result, complete=False))
 
 
 def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:
