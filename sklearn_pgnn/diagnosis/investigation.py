@@ -68,9 +68,12 @@ class Findings:
 
     @property
     def of_wiring(self) -> tuple[Finding, ...]:
-        """What the records show of the wiring, before any physics."""
+        """What the records show of the wiring, unless re-tuning does as well."""
         wiring = self.search.wiring
-        return () if wiring is None else (wiring.finding(self.search.fitter.problem.prior),)
+        as_well = self.result.complete and not self.result.steps and not self.remaining.is_much
+        if wiring is None or as_well:
+            return ()
+        return (wiring.finding(self.search.fitter.problem.prior),)
 
     @property
     def trials(self) -> dict[str, FittedHypothesis]:

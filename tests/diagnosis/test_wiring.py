@@ -102,3 +102,16 @@ def test_a_time_in_another_unit_is_named_though_the_model_as_given_is_too_fast_f
     y = h[:, 0] + 0.002 * rng.standard_normal(t.size)
     found = ModelDiagnosis(tank, catalogue=("coulomb_friction",)).fit(X, y)
     assert [(cause.effect, cause.target) for cause in found.causes_] == [("other_clock", unit)]
+
+
+def test_a_sign_that_a_free_parameter_can_take_is_left_to_it():
+    """The loss has the wrong sign, and its coefficient may be anything: re-tuning does as well."""
+    rng, t = np.random.default_rng(3), 5.0 * np.arange(300)
+    right = PhysicsModel({"T": "K"}, {"T": "(q - a*T)/C"}, {"C": 1000.0, "a": 12.0}, {"q": "W"})
+    free = {"C": {"value": 900.0, "spread": 0.3}, "a": {"value": 20.0, "spread": np.inf}}
+    q = np.repeat(rng.uniform(0.0, 500.0, size=12), 25)
+    y = right.simulate(t, q, [5.0], substeps=4).y[:, 0] + 0.05 * rng.standard_normal(t.size)
+    signed = PhysicsModel({"T": "K"}, {"T": "(q + a*T)/C"}, free, {"q": "W"})
+    found = ModelDiagnosis(signed, catalogue=FEW).fit(np.column_stack([t, q]), y)
+    assert (found.verdict_, found.causes_, found.data_quality_) == ("model_adequate", (), ())
+    assert found.parameters_["a"].value == pytest.approx(-12.0, rel=0.01)
