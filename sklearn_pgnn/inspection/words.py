@@ -275,10 +275,7 @@ def _of_single_records(diagnosis) -> str:
     differs = differing(diagnosis.data_quality_, diagnosis.model)
     if differs is None:
         return ""
-    return (
-        f". The same model fitted to each record alone explains most of it: {differs.text}. No law "
-        f"that holds in all records alike can take its place."
-    )
+    return f". The same model fitted to each record alone explains most of it: {differs.text}."
 
 
 def law_sentence(model: PhysicsModel, law: Structure) -> str:
