@@ -4,6 +4,7 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.size import (
     differs_from_none,
+    exceeds_rounding,
     leaves_something,
     overdispersion_along,
     says_more_than_bounds,
@@ -125,6 +126,8 @@ class Comparison:
         if not self.criterion.names(before, after, n_causes, less, retuned):
             return False
         alpha, problem = self.criterion.alpha, self.fitter.problem
+        if causes and not exceeds_rounding(problem, without, with_, causes):
+            return False
         return all(
             differs_from_none(problem, with_, cause, alpha)
             and leaves_something(problem, with_, cause, alpha)
