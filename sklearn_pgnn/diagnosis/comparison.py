@@ -4,6 +4,7 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.size import (
     differs_from_none,
+    exceeds_rounding,
     leaves_something,
     overdispersion_along,
     says_more_than_bounds,
@@ -13,6 +14,7 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.wiring import Wiring
 
 
 class Comparison:
@@ -114,6 +116,9 @@ class Comparison:
         before, after, retuned = (self.fitter.held_out(trial) for trial in trials)
         causes, raw = own_causes(without, with_), self.criterion.evidence(before, after)
         if causes and causes <= self.given:
+            is_wire = any(isinstance(cause, Wiring) for cause in causes)
+            if is_wire and not self.criterion.explains_enough(before, after):
+                return False  # free parameters do as well
             return raw > 0.0 and self.criterion.stands_in_free_run(retuned, after)
         if raw <= n_causes * self.criterion.to_name:
             return False
@@ -121,6 +126,8 @@ class Comparison:
         if not self.criterion.names(before, after, n_causes, less, retuned):
             return False
         alpha, problem = self.criterion.alpha, self.fitter.problem
+        if causes and not exceeds_rounding(problem, without, with_, causes):
+            return False
         return all(
             differs_from_none(problem, with_, cause, alpha)
             and leaves_something(problem, with_, cause, alpha)

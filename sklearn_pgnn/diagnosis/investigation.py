@@ -6,6 +6,8 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
@@ -66,9 +68,12 @@ class Findings:
 
     @property
     def of_wiring(self) -> tuple[Finding, ...]:
-        """What the records show of the wiring, before any physics."""
+        """What the records show of the wiring, unless re-tuning does as well."""
         wiring = self.search.wiring
-        return () if wiring is None else (wiring.finding(self.search.fitter.problem.prior),)
+        as_well = self.result.complete and not self.result.steps and not self.remaining.is_much
+        if wiring is None or as_well:
+            return ()
+        return (wiring.finding(self.search.fitter.problem.prior),)
 
     @property
     def trials(self) -> dict[str, FittedHypothesis]:
@@ -189,9 +194,13 @@ class Investigation:
             other = select_windows(other, self.progress).problem
         problem = replace(problem, min_samples=other.min_samples)
         problem = recut(problem, other.scales.window) or problem
-        if not self._steps_are_told:
-            problem = with_substeps(problem, other.windows.substeps)
-        return HypothesisFitter(problem, self.progress)
+        if self._steps_are_told:
+            return HypothesisFitter(problem, self.progress)
+        suited = with_substeps(problem, other.windows.substeps)
+        fitter = HypothesisFitter(suited, self.progress)
+        if np.isfinite(fitter.base().fit.evaluation.squares).all():
+            return fitter
+        return HypothesisFitter(problem, self.progress)  # finite as given, if only in its own steps
 
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
         """Return the fitter with integration steps as the prior needs them, stable ones if told."""
@@ -312,6 +321,7 @@ class Investigation:
             refined = self._refined(found, finer)
             if refined.result.steps:
                 return refined
+            found = _provisional(found)  # its causes do not stand in finer steps
         again = self._search(finer)
         return again if again.result.complete else found
 
@@ -340,8 +350,15 @@ class Investigation:
         if not of_one.names(before, sloped.held_out(refitted)):
             return held
         again = self._search(sloped, refitted)
+        if not again.result.complete:
+            return _provisional(held)
         better = criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0
-        return again if better and again.result.complete else held
+        return again if better else held
+
+
+def _provisional(found: Findings) -> Findings:
+    """Return what was found by a hold or by steps that are refuted, for want of another end."""
+    return replace(found, result=replace(found.result, complete=False))
 
 
 def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:

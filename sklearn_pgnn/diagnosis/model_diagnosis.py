@@ -182,7 +182,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         How inputs were interpolated between samples.
     remaining_ : Remaining
         The residuals that the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured
-        noise of a sensor, or an external disturbance: nothing that was recorded predicts it) and
+        noise of a sensor, or an external disturbance: no law that was tried predicts it) and
         ``"structure"``, with .times_noise of every output, and in .law where a law without a name
         acts, what it depends on, its memory [s] and the share of the error that it explains;
         .predicts_nothing if no output is predicted better than without a model.

@@ -23,6 +23,7 @@ from sklearn_pgnn.simulation.uncertainty import (
     parameter_covariance,
     standard_errors,
 )
+from sklearn_pgnn.trajectories.grid import step_of
 
 
 def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dict[str, float]:
@@ -152,6 +153,30 @@ def says_more_than_bounds(fitter: WindowFitter, trial: FittedHypothesis, cause: 
     ends = likelihood_intervals(fitter, trial, {f.name: errors[f.name] for f in free})
     bounds = {f.name: trial.fit.model.parameters[f.name].bounds for f in free}
     return any(ends[name] != bounds[name] for name in ends)
+
+
+def exceeds_rounding(
+    problem: EstimationProblem,
+    without: FittedHypothesis,
+    with_: FittedHypothesis,
+    causes: Collection[Effect],
+) -> bool:
+    """Return whether causes at sensors change a sample by half a step, where steps are the noise.
+
+    At rest a rounded value stays where it is: a limit there removes an error of rounding only.
+    """
+    outputs, windows, prior = list(problem.prior.outputs), problem.windows, problem.prior
+    are_sensors = all(cause.target in outputs for cause in causes)
+    if not are_sensors or any((prior + c).equations != prior.equations for c in causes):
+        return True
+    changed = np.abs(without.fit.evaluation.residual - with_.fit.evaluation.residual)
+    for i in (outputs.index(cause.target) for cause in causes):
+        known = np.isfinite(windows.y[:, i])
+        step = step_of([windows.y[known, i]])
+        is_coarse = windows.scale[i] <= 1.01 * step / np.sqrt(12.0)
+        if not (is_coarse and changed[known, i].max(initial=0.0) <= step / 2):
+            return True
+    return False
 
 
 def _is_limit_of_magnitude(quantity) -> bool:

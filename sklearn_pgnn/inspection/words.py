@@ -3,6 +3,7 @@
 import itertools
 import math
 
+from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
@@ -17,6 +18,7 @@ from sklearn_pgnn.inspection.yardstick import (
 )
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.record_quality.drift import differing
 from sklearn_pgnn.record_quality.wording import listed
 
 #: what a cause may be confused with, if the search ended before it had rivals
@@ -242,15 +244,38 @@ def remaining_sentence(diagnosis) -> str:
     if remaining.kind == "structure":
         without = "" if diagnosis.discrepancy_ is None else " without the formula"
         law = law_sentence(diagnosis.model, remaining.law)
-        return f"What is left{without} is structure ({much}): {law}, so physics is still missing."
+        why = _of_single_records(diagnosis) or ", so physics is still missing."
+        return f"What is left{without} is structure ({much}): {law}{why}"
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
     if diagnosis.verdict_ == "predicts_nothing":
         return "What is left is the model's own error: it says nothing about the machine."
+    return _disturbance(diagnosis, much)
+
+
+def _disturbance(diagnosis, much: str) -> str:
+    """Return what is left that no law predicts; a test that finds nothing proves nothing."""
+    why = _of_single_records(diagnosis)
+    if why:
+        return f"What is left is more than noise ({much}){why}"
+    if diagnosis.remaining_.is_much:
+        return (
+            f"What is left is more than noise ({much}), and no law that was tried predicts it "
+            f"beyond chance from what was recorded, neither as it is nor as it was before: "
+            f"coloured noise, a disturbance, or physics that these records do not show."
+        )
     return (
         f"What is left is coloured noise or a disturbance ({much}): nothing that was recorded "
         f"predicts it, neither as it is nor as it was before."
     )
+
+
+def _of_single_records(diagnosis) -> str:
+    """Return that a parameter differs between records; empty where none was seen to."""
+    differs = differing(diagnosis.data_quality_, diagnosis.model)
+    if differs is None:
+        return ""
+    return f". The same model fitted to each record alone explains most of it: {differs.text}."
 
 
 def law_sentence(model: PhysicsModel, law: Structure) -> str:
@@ -317,7 +342,7 @@ def _others(diagnosis) -> str:
         for cause in diagnosis.causes_
         for other in cause.confused_with
     }
-    if any(cause.is_open and not cause.confused_with for cause in diagnosis.causes_):
+    if any(cause.outside >= OPEN for cause in diagnosis.causes_):
         others[UNNAMED] = None
     place = "in its place" if len(diagnosis.causes_) == 1 else "in the place of one of them"
     return f"{' or '.join(others)} {place}"

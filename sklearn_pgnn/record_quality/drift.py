@@ -1,5 +1,6 @@
 """Drift: parameters, or the noise, that differ from record to record."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import compress
 
@@ -8,6 +9,7 @@ from scipy.stats import norm
 
 from sklearn_pgnn.estimation.autocorrelation import white_power
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.improvement import is_better
 from sklearn_pgnn.record_quality.limits import ALPHA, FINE, STEPS, TWICE
@@ -15,6 +17,14 @@ from sklearn_pgnn.record_quality.signals import Signal, looks_like_noise
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, relative_error
+
+#: the kind of its findings
+DRIFT = "drift between records"
+
+
+def differing(findings: Iterable[Finding], model: PhysicsModel) -> Finding | None:
+    """Return the finding that a parameter differs between records, if there is one."""
+    return next((f for f in findings if f.kind == DRIFT and f.where in model.parameters), None)
 
 
 def find_drift(
@@ -120,7 +130,7 @@ def _drift(problem, names, alone, errors) -> Finding:
     values = spreads[name][1]
     low, high, unit = int(np.argmin(values)), int(np.argmax(values)), problem.prior.unit(name)
     return Finding(
-        "drift between records",
+        DRIFT,
         name,
         f"the parameters differ between records; {name} goes from {values[low]:.4g} in record "
         f"{names[low]} to {values[high]:.4g} {unit} in record {names[high]}".rstrip(),
@@ -149,7 +159,7 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
     if not levels[low] > 0 or np.log(levels[high] / levels[low]) < least:
         return None
     return Finding(
-        "drift between records",
+        DRIFT,
         signal.name,
         f"the noise of {signal.name} is {signal.measured(levels[high])} in record "
         f"{records[high]} and {signal.measured(levels[low])} in record {records[low]}",

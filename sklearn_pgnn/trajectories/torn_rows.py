@@ -14,6 +14,7 @@ are no chance. Rows in random order give ascending runs of two rows on average.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from sklearn_pgnn.exceptions import RecordError
 
@@ -104,5 +105,4 @@ def _are_random(steps: np.ndarray, kept: float) -> bool:
         error = np.hypot(np.sqrt(expected * (1.0 - expected) / n), of_kept)
         if abs(np.mean(steps > k) - expected) > SIGMAS * error + SLACK:
             return False
-    single = (steps == 1) - kept
-    return bool(abs(np.mean(single[1:] * single[:-1])) < SIGMAS * kept * lost / np.sqrt(n))
+    return bool(abs(spearmanr(steps[1:], steps[:-1]).statistic) < SIGMAS / np.sqrt(n))

@@ -101,8 +101,12 @@ def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):
     [
         (Remaining("noise", {"v": 1.0}), "What is left is white noise."),
         (
+            Remaining("disturbance", {"v": 1.34}),
+            "disturbance (1.34 × the white noise of v): nothing that was recorded predicts it",
+        ),
+        (
             Remaining("disturbance", {"v": 2.34}),
-            "disturbance (2.34 × the white noise of v): nothing that was recorded predicts it",
+            "more than noise (2.34 × the white noise of v), and no law that was tried predicts it",
         ),
         (
             Remaining("structure", {"v": 4.0}, Structure("v", 0.83, 0.25, ("F", "v"))),

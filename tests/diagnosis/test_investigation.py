@@ -121,6 +121,30 @@ def test_a_search_that_time_ends_takes_no_place_of_one_that_came_to_its_end(monk
     assert (found.complete_, found.substeps_) == (True, 1)
 
 
+def test_what_was_found_with_held_inputs_is_provisional_where_a_better_hold_came_to_no_end(
+    monkeypatch,
+):
+    """The records refute that inputs were held: what explains them so may stand in for a slope."""
+    search = investigation.Search.run
+
+    def cut_short_on_slopes(self, begin=None):
+        is_held = self.fitter.problem.windows.hold == "zoh"
+        return search(self, begin) if is_held else self.so_far()
+
+    monkeypatch.setattr(investigation.Search, "run", cut_short_on_slopes)
+    rng, t = np.random.default_rng(0), 0.05 * np.arange(600)
+    u = 6.0 * np.sin(2.0 * t) + 2.0 * np.sin(5.1 * t)
+    y = (FAN + DRY).simulate(t, u, [0.0], hold="foh", substeps=8).y[:, 0]
+    y += 0.01 * rng.normal(size=t.size)
+    found = ModelDiagnosis(FAN, catalogue=("coulomb_friction",)).fit(
+        pd.DataFrame({"t": t, "u": u}), y
+    )
+    assert (found.verdict_, found.complete_, found.hold_) == ("provisional", False, "zoh")
+    assert [(cause.effect, cause.tested) for cause in found.causes_] == [
+        ("coulomb_friction", False)
+    ]
+
+
 # -- finer steps -----------------------------------------------------------------------------------
 
 

@@ -15,6 +15,7 @@ from sklearn_pgnn.diagnosis import size
 from sklearn_pgnn.diagnosis.size import (
     _size_fields,
     differs_from_none,
+    exceeds_rounding,
     leaves_something,
     likelihood_intervals,
     overdispersion_along,
@@ -242,3 +243,28 @@ def test_a_value_at_its_bound_that_may_be_any_other_says_nothing(noise, says_mor
     trial = fitter.polish(fitter.fit_all(first, fitter.base()))
     assert trial.fit.model.parameters["m"].value == 2.3
     assert says_more_than_bounds(fitter, trial, wrong) is says_more
+
+
+@pytest.mark.parametrize(
+    ("step", "noise", "change", "exceeds"),
+    [(0.03, 0.0, 0.01, False), (0.03, 0.0, 0.02, True), (0.03, 0.0, np.nan, True),
+     (1e-5, 0.01, 1e-6, True)],
+)  # fmt: skip
+def test_a_limit_of_a_sensor_that_moves_no_sample_by_half_a_step_is_rounding(
+    step, noise, change, exceeds
+):
+    """An encoder stands still where its machine rests: that is no end of its range."""
+    t = 0.01 * np.arange(800)
+    y = 2.0 * np.sin(3.0 * np.minimum(t % 2.0, 1.6))
+    y = np.floor((y + noise * np.random.default_rng(0).normal(size=t.size)) / step)[:, None] * step
+    scale = np.array([max(noise, step / np.sqrt(12.0))])
+    problem = SimpleNamespace(
+        prior=SLEDGE.replace(outputs={"v": "v"}), windows=SimpleNamespace(y=y, scale=scale)
+    )
+    without, with_ = (
+        SimpleNamespace(fit=SimpleNamespace(evaluation=SimpleNamespace(residual=left)))
+        for left in (np.zeros_like(y), np.full_like(y, change))
+    )
+    at_sensor = [effects.SensorSaturation("v")]
+    assert exceeds_rounding(problem, without, with_, at_sensor) == exceeds
+    assert exceeds_rounding(problem, without, with_, [effects.CoulombFriction("v")])

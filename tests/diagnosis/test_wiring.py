@@ -1,6 +1,7 @@
 """A diagnosis begins from the wiring that the records show, and finds the physics beside it."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
@@ -83,3 +84,34 @@ def test_a_large_factor_is_never_confused_with_nothing(factor):
     assert {scale.effect, *(rival[0] for rival in scale.confused_with)} <= kinds
     assert scale.confused_with
     assert diagnosis.verdict_ == "ambiguous"
+
+
+@pytest.mark.parametrize(("unit", "second"), [("ms", 1e-3), ("min", 60.0)])
+def test_a_time_in_another_unit_is_named_though_the_model_as_given_is_too_fast_for_its_steps(
+    unit, second
+):
+    """In milliseconds taken for seconds a sample is many time constants: fine steps are its own."""
+    rng, t = np.random.default_rng(5), np.tile(2.0 * np.arange(250), 2)
+    tank = PhysicsModel(
+        {"h": "m"}, {"h": "(q - c*h)/A"}, {"A": 0.05, "c": 6e-4}, {"q": "m^3/s"}, name="tank"
+    )
+    q = np.repeat(rng.uniform(0.0, 4e-4, size=10), 50)
+    parts = [slice(0, 250), slice(250, 500)]
+    h = np.vstack([tank.simulate(t[p], q[p], [0.3], substeps=4).y for p in parts])
+    X = pd.DataFrame({"trajectory": np.repeat([0, 1], 250), "t": t / second, "q": q})
+    y = h[:, 0] + 0.002 * rng.standard_normal(t.size)
+    found = ModelDiagnosis(tank, catalogue=("coulomb_friction",)).fit(X, y)
+    assert [(cause.effect, cause.target) for cause in found.causes_] == [("other_clock", unit)]
+
+
+def test_a_sign_that_a_free_parameter_can_take_is_left_to_it():
+    """The loss has the wrong sign, and its coefficient may be anything: re-tuning does as well."""
+    rng, t = np.random.default_rng(3), 5.0 * np.arange(300)
+    right = PhysicsModel({"T": "K"}, {"T": "(q - a*T)/C"}, {"C": 1000.0, "a": 12.0}, {"q": "W"})
+    free = {"C": {"value": 900.0, "spread": 0.3}, "a": {"value": 20.0, "spread": np.inf}}
+    q = np.repeat(rng.uniform(0.0, 500.0, size=12), 25)
+    y = right.simulate(t, q, [5.0], substeps=4).y[:, 0] + 0.05 * rng.standard_normal(t.size)
+    signed = PhysicsModel({"T": "K"}, {"T": "(q + a*T)/C"}, free, {"q": "W"})
+    found = ModelDiagnosis(signed, catalogue=FEW).fit(np.column_stack([t, q]), y)
+    assert (found.verdict_, found.causes_, found.data_quality_) == ("model_adequate", (), ())
+    assert found.parameters_["a"].value == pytest.approx(-12.0, rel=0.01)

@@ -8,6 +8,9 @@ import pytest
 from sklearn_pgnn import systems
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.inspection import words
+from sklearn_pgnn.inspection.report import finding
+from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.record_quality.finding import Finding
 
 
 def test_that_no_cause_acts_is_one_of_the_answers():
@@ -34,10 +37,55 @@ def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, p
     monkeypatch.setattr(words, "over_windows", lambda _: errors)
     left = SimpleNamespace(kind="structure", law=Structure("v", 0.9))
     model = systems.cart_on_spring()
-    found = SimpleNamespace(remaining_=left, discrepancy_=part, model=model)
+    found = SimpleNamespace(remaining_=left, discrepancy_=part, model=model, data_quality_=())
     said = words.remaining_sentence(found)
     assert said.startswith("What is left without the formula is structure (4.56 ×") == bool(part)
     assert said.startswith("What is left is structure (4.56 ×") != bool(part)
+
+
+def test_where_a_parameter_differs_between_records_no_physics_is_called_missing(monkeypatch):
+    """Fits of single records explain it: no one value is right, however wide its spread is."""
+    errors = {"x": SimpleNamespace(extended=4.56)}
+    monkeypatch.setattr(words, "over_windows", lambda _: errors)
+    model = systems.cart_on_spring()
+    of_noise = Finding("drift between records", "position", "the noise differs", 3.0, "look")
+    differs = Finding("drift between records", "d", "d goes from 1 to 2", 1.0, "find the reason")
+    pinned = model.parameters["d"].value + model.parameters["d"].reach
+    found = SimpleNamespace(
+        remaining_=SimpleNamespace(kind="structure", law=Structure("v", 0.1)),
+        discrepancy_=None,
+        model=model,
+        data_quality_=(of_noise,),
+        verdict_="unexplained",
+        parameters_={"d": SimpleNamespace(value=pinned)},
+    )
+    assert words.remaining_sentence(found).endswith("so physics is still missing.")
+    assert next_step(found).startswith("Give d a wider spread first")
+    found.data_quality_ = (of_noise, differs)
+    said = words.remaining_sentence(found)
+    assert "missing" not in said
+    assert "fitted to each record alone explains most of it: d goes from 1 to 2." in said
+    assert next_step(found).startswith("Improve the records first (drift between records of d): ")
+    found.complete_, found.remaining_.kind = True, "disturbance"
+    assert "fitted to each record alone explains most of it" in words.remaining_sentence(found)
+
+
+def test_what_is_likelier_than_every_name_stands_beside_the_names():
+    rival = SimpleNamespace(effect="input_bias", target="F", probability=0.03)
+    cause = SimpleNamespace(
+        effect="coulomb_friction",
+        target="v",
+        parameters={},
+        probability=0.2,
+        outside=0.7,
+        confused_with=(rival,),
+    )
+    found = SimpleNamespace(causes_=(cause,))
+    assert words._others(found) == f"input bias of F or {words.UNNAMED} in its place"
+    assert finding._alternatives(cause).endswith(f"input bias of F or {words.UNNAMED}")
+    cause.outside = 0.1
+    assert words._others(found) == "input bias of F in its place"
+    assert finding._alternatives(cause).endswith("on v or input bias of F")
 
 
 @pytest.mark.parametrize("outputs", [("x",), ("x", "v")])

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 from sklearn.model_selection import KFold, ShuffleSplit, TimeSeriesSplit, train_test_split
 from sklearn.utils import resample
 
@@ -87,12 +88,29 @@ def honest(kind, n, rng):
     if kind == "sent on change":
         x = np.sin(0.02 * np.arange(4 * n)) + 0.3 * np.sin(0.07 * np.arange(4 * n))
         return np.flatnonzero(np.diff(np.floor(x / 0.05), prepend=np.nan) != 0).astype(float)
+    if kind == "a cycler's events":
+        return relaxing(4 * n, rng)
     return even[:: rng.integers(1, 9)]
+
+
+def relaxing(n, rng):
+    """Return when a cycler logs a cell's voltage: as the current steps, by change, or by time."""
+    step, share = rng.integers(200, 400), rng.uniform(0.2, 0.8)
+    current = np.repeat(rng.choice([-2.0, 0.0, 1.5, 3.0, 5.0], n // step + 1), step)[:n]
+    slow = lfilter([1 / 40], [1, 1 / 40 - 1], current)
+    voltage = share * slow + 0.1 * current + 1e-3 * np.cumsum(current) / 4
+    logged = [0]
+    for k in range(1, n):
+        last = logged[-1]
+        moved = abs(voltage[k] - voltage[last]) > 0.1
+        if moved or current[k] != current[k - 1] or k - last >= 60:
+            logged.append(k)
+    return np.array(logged, dtype=float)
 
 
 HONEST = [
     "lost samples", "bursts of lost samples", "a gap", "uneven steps", "random times", "two clocks",
-    "sent on change", "every n-th sample", "now and then a message late",
+    "sent on change", "a cycler's events", "every n-th sample", "now and then a message late",
 ]  # fmt: skip
 
 
@@ -106,6 +124,14 @@ HONEST = [
 def test_honest_clocks_are_read(kind, n, interval, seed):
     t = interval * honest(kind, n, np.random.default_rng(seed))
     assert len(read_records(LAG, pd.DataFrame({"t": t, "u": 1.0}))) == 1
+
+
+def test_a_cyclers_clock_is_never_taken_for_rows_drawn_at_random():
+    """Its steps are as long as random ones, here and there, but resemble the ones before."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        t = relaxing(4 * int(rng.integers(200, 2000)), rng)
+        assert len(read_records(LAG, pd.DataFrame({"t": t, "u": 1.0}))) == 1
 
 
 @pytest.mark.parametrize("splitter", [KFold(5), TimeSeriesSplit(5)])

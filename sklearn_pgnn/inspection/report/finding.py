@@ -1,5 +1,6 @@
 """The finding in a line, with its size: the title of a report."""
 
+from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
@@ -102,7 +103,8 @@ def _ambiguous(diagnosis) -> str:
 
 
 def _alternatives(cause) -> str:
-    others = [cause_name(other.effect, other.target) for other in cause.confused_with] or [UNNAMED]
+    others = [cause_name(other.effect, other.target) for other in cause.confused_with]
+    others += [UNNAMED] * (cause.outside >= OPEN)
     *first, last = [cause_with_size(cause), *others]
     return f"{', '.join(first)} or {last}"
 

@@ -9,6 +9,7 @@ from sklearn_pgnn.inspection.runaway import runaway_remedy
 from sklearn_pgnn.inspection.words import place_name, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given
 from sklearn_pgnn.physics.effects.rates import worded_for
+from sklearn_pgnn.record_quality.drift import differing
 from sklearn_pgnn.record_quality.wording import listed
 
 
@@ -28,10 +29,12 @@ def next_step(diagnosis) -> str:
     wider = spread_remedy(diagnosis)
     if diagnosis.verdict_ == "predicts_nothing":
         return f"{wider} {runaway_remedy(diagnosis)}".lstrip()
-    if wider:
+    # no one value is right of a parameter that differs between records, however wide its spread
+    differs = differing(diagnosis.data_quality_, diagnosis.model)
+    if wider and differs is None:
         return wider
     if diagnosis.data_quality_:
-        first = diagnosis.data_quality_[0]
+        first = differs or diagnosis.data_quality_[0]
         return (
             f"Improve the records first ({first.kind} of {first.where}): {first.remedy}. Then "
             f"diagnose again."
