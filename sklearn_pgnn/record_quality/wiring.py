@@ -17,7 +17,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import sympy
 
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
@@ -34,6 +33,7 @@ from sklearn_pgnn.physics.effects.wiring import (
     ReversedTerm,
     Wiring,
 )
+from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.simulation.freedom import freedom_of
@@ -156,7 +156,7 @@ def _different(model: PhysicsModel, wirings: Sequence[Wiring]) -> Iterator[Wirin
     seen: set[tuple] = set()
     for wiring in wirings:
         made = wiring.apply(model)
-        rates = tuple(sympy.expand(each) for each in made.equations.values())
+        rates = tuple(expanded(each) for each in made.equations.values())
         if (rates, tuple(made.outputs.values())) not in seen:
             seen.add((rates, tuple(made.outputs.values())))
             yield wiring

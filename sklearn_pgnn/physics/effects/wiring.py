@@ -14,6 +14,7 @@ import sympy
 
 from sklearn_pgnn.physics.effect import Effect, Scales
 from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 
@@ -165,13 +166,13 @@ class ReversedTerm(Wiring):
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Turn the term's sign."""
         rate = self.target.rsplit(_IN, 1)[1]
-        turned = sympy.expand(model.equations[rate]) - 2 * _terms(model, rate)[self.target]
+        turned = expanded(model.equations[rate]) - 2 * _terms(model, rate)[self.target]
         return {"equations": {**model.equations, rate: turned}}
 
 
 def _terms(model: PhysicsModel, rate: str) -> dict[str, sympy.Expr]:
     """Return the terms of a rate that is a sum, by their target."""
-    terms = sympy.Add.make_args(sympy.expand(model.equations[rate]))
+    terms = sympy.Add.make_args(expanded(model.equations[rate]))
     if not 1 < len(terms) <= MOST:
         return {}
     ordered = sorted(terms, key=sympy.default_sort_key)
