@@ -131,7 +131,9 @@ def _doubt(fit: WindowFit, record: ShootingWindows, spread: np.ndarray, power: f
     states, seen = len(spread), np.isfinite(record.y)
     gram = fit.evaluation.gram[0]
     told = gram[:states, :states] / power * np.outer(spread, spread) + np.eye(states)
-    covariance = np.linalg.inv(told) * np.outer(spread, spread)
+    if not np.isfinite(told).all():
+        return math.inf
+    covariance = np.linalg.pinv(told, hermitian=True) * np.outer(spread, spread)
     run = free_run(fit.model, record, 0, record.t.size, fit.x0[0], ())
     variance = propagated_variance(np.asarray(run.sensitivities), covariance)
     mean = float(np.mean((variance / record.scale**2)[seen]))

@@ -46,7 +46,7 @@ def done(tmp_path_factory):
 def test_the_results_are_written_and_told(done):
     folder, result = done
     assert result.exit_code == 0, result.output
-    assert "2 machines: model adequate 1, cause named 1." in result.output
+    assert "2 machines: cause named 1, model adequate 1." in result.output
     assert "Coulomb friction on v" in result.output
     assert "machines: 2 of 2" in result.output or "machines: 0 of 2" in result.output
     written = {path.name for path in (folder / "result" / "machines" / "b").iterdir()}
