@@ -46,6 +46,18 @@ class Scales:
     def ends(self, name: str, below: float = 0.0, above: float = 0.0) -> tuple[float, float]:
         """Return a signal's range, its ends moved inwards by fractions of the range.
 
+        Parameters
+        ----------
+        name : str
+            The signal.
+        below, above : float, default=0
+            Fractions of the range.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper end.
+
         Examples
         --------
         >>> scales = Scales({}, {"y": 2.0}, {}, 0.01, 1.0)
@@ -57,6 +69,17 @@ class Scales:
 
     def of_either_sign(self, names: Iterable[str]) -> "Scales":
         """Return the scales if only the magnitude of some signals was measured.
+
+        Parameters
+        ----------
+        names : iterable of str
+            The signals; they may have gone equally far to the other side of zero. States that an
+            effect has added are in no record, and have no range.
+
+        Returns
+        -------
+        Scales
+            The scales, with symmetric ranges for these signals.
 
         Examples
         --------

@@ -9,6 +9,7 @@ without any model, a wiring makes the model follow the records where the given o
 for an output, and no output is told worse. A given wiring that leaves about noise is not doubted.
 """
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -100,7 +101,7 @@ class Rewired:
             f"{f' (as well with {also})' if also else ''}, and not as given: "
             f"the error of {self.output} falls from {self.before:.3g} to {self.after:.3g} times "
             f"the noise",
-            self.before / self.after,
+            self.before / self.after if self.after else math.inf,
             f"if that is so, write {best.lines(model)} in the model file; else check units and "
             f"signs",
         )
@@ -123,7 +124,8 @@ def find_wiring(
     if not told:
         return None
     best, *others = _different(model, _alike(model, told))
-    place = int(np.argmax(trials.before / told[best].errors))
+    tiny = np.finfo(float).tiny
+    place = int(np.argmax(trials.before / np.maximum(told[best].errors, tiny)))
     errors = float(trials.before[place]), float(told[best].errors[place])
     return Rewired((best, *others), list(model.outputs)[place], *errors)
 

@@ -135,7 +135,20 @@ def split_rows(t: np.ndarray, names=None) -> list[tuple[str, np.ndarray]]:
 
 
 def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray:
-    """Put values that were computed record by record back into the order of the table."""
+    """Put values that were computed record by record back into the order of the table.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Records as returned by `read_records`.
+    values : ndarray of shape (n_samples, ...)
+        One value per sample, record after record.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, ...)
+        The values in the order of the table's rows.
+    """
     ordered = np.empty_like(values)
     ordered[np.concatenate([record.rows for record in records])] = values
     return ordered

@@ -125,6 +125,21 @@ __all__ = ["CATALOGUE", "Formula", "by_id", *(effect.__name__ for effect in CATA
 def by_id(effect: str) -> type[Effect]:
     """Return the effect of the catalogue with a given id.
 
+    Parameters
+    ----------
+    effect : str
+        Its id, as used in a diagnosis and its report.
+
+    Returns
+    -------
+    type[Effect]
+        The effect.
+
+    Raises
+    ------
+    OptionError
+        If the catalogue has none with that id.
+
     Examples
     --------
     >>> by_id("coulomb_friction").__name__
