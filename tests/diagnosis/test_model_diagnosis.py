@@ -133,7 +133,7 @@ def assert_named(hidden, diagnosis):
     (cause,) = diagnosis.causes_
     same, tuned = groups_of(hidden.prior, hidden.effect)
     assert same <= names(cause) <= tuned
-    assert diagnosis.verdict_ == ("ambiguous" if cause.confused_with else "cause_named")
+    assert diagnosis.verdict_ == ("ambiguous" if cause.is_open else "cause_named")
     if (cause.effect, cause.target) == (hidden.effect.id, hidden.effect.target):
         assert_size(cause, hidden.effect)
     gain = diagnosis.gain_["phi_measured"]
