@@ -56,10 +56,10 @@ def test_a_formula_has_a_unit_an_interval_and_its_model():
     assert text[text.index('id="formula"') :].index("<math") > 0
 
 
-def test_faults_of_the_records_come_first_and_make_the_verdict_provisional():
+def test_faults_of_the_records_come_first_and_weaken_the_verdict():
     text = html("bad")
     assert text.index('id="quality"') < text.index('class="verdict')
-    assert "provisional, because of data-quality problems" in text
+    assert "beware of data-quality problems" in text
 
 
 @pytest.mark.slow
