@@ -12,6 +12,7 @@ from sklearn_pgnn.simulation.simulate import (
     speed_of,
     start_of,
     steps_of_runs,
+    substeps_of,
 )
 from sklearn_pgnn.simulation.substeps import Steps, given_steps
 from sklearn_pgnn.trajectories.record import Record
@@ -54,7 +55,9 @@ def steps_for(
     """
     hold = hold_of(model, hold)
     said = {**model.simulation, **({"method": method} if method else {})}
-    substeps, method = substeps or said.get("substeps"), said.get("method")
+    if substeps is not None or "substeps" in said:
+        substeps = substeps_of(model, substeps)
+    method = said.get("method")
     if substeps and method:
         return Steps(method, substeps)
     actings = [delayed_inputs(model, r.t, r.u, hold == "foh") for r in records]

@@ -130,7 +130,7 @@ def test_all_records_drop_a_needless_cause_of_a_search_that_ended_early(small_bu
     X, y = drive(n_records=3, samples=2000, noise=NOISE)
     diagnosis = ModelDiagnosis(SLEDGE, catalogue=KINDS).fit(X, y)
     assert diagnosis.causes_ == ()
-    assert diagnosis.tested_
+    assert not diagnosis.tested_
     assert not diagnosis.complete_
 
 
