@@ -63,6 +63,8 @@ _OTHER_SIGNS = {
 _CHAINS = {ast.Add: sympy.Add, ast.Sub: sympy.Add, ast.Mult: sympy.Mul, ast.Div: sympy.Mul}
 #: longest text and deepest nesting an equation may have
 MAX_LENGTH, MAX_DEPTH, MAX_EXPONENT = 10_000, 60, 100
+#: most factors with quantities in a product
+MAX_FACTORS = 50
 #: most bits a whole number may need after it is raised to a power
 MAX_BITS = 2048
 #: names that an equation may not give to a state, an input or a parameter
@@ -293,6 +295,9 @@ class _Translator:
             operands.append(sympy.Integer(-1))
         operands.append(self.translate(first, depth))
         operands += [self.operand(link, depth) for link in reversed(links)]
+        factors = sum(bool(each.free_symbols) for each in operands)
+        if together is sympy.Mul and factors > MAX_FACTORS:  # derivatives grow with their square
+            self.refuse(node, f"expected at most {MAX_FACTORS} factors, got {factors}")
         return together(*operands)
 
     def operand(self, link, depth):

@@ -195,7 +195,9 @@ def limit():
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
 
 
-@settings(max_examples=200, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=200, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck)
+)
 @given(text=whole | raw | cut)
 def test_a_hostile_model_file_is_refused_in_one_line_or_handled(place, text):
     (place / "model.yaml").write_text(text, encoding="utf-8")
