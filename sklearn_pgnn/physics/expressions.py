@@ -64,7 +64,7 @@ _CHAINS = {ast.Add: sympy.Add, ast.Sub: sympy.Add, ast.Mult: sympy.Mul, ast.Div:
 #: longest text and deepest nesting an equation may have
 MAX_LENGTH, MAX_DEPTH, MAX_EXPONENT = 10_000, 60, 100
 #: most factors with quantities in a product
-MAX_FACTORS = 50
+MAX_FACTORS = 60
 #: most bits a whole number may need after it is raised to a power
 MAX_BITS = 2048
 #: names that an equation may not give to a state, an input or a parameter
