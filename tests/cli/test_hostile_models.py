@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from sklearn_pgnn.cli import main
 
 pytestmark = [
-    pytest.mark.core,
+    pytest.mark.slow,
     pytest.mark.slow,
     pytest.mark.skipif(sys.platform != "linux", reason="a process has limits on Linux"),
 ]
