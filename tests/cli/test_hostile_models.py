@@ -16,7 +16,6 @@ from sklearn_pgnn.cli import main
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.slow,
     pytest.mark.skipif(sys.platform != "linux", reason="a process has limits on Linux"),
 ]
 #: memory beyond what the tests have themselves [byte], and time on a core [s]
