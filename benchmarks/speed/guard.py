@@ -37,7 +37,9 @@ def ways():
 
     def ours(model, n_numbers=0, n=STEPS):
         wrt = tuple(model.parameters)[: n_numbers - 2] if n_numbers else None
-        return lambda: [simulate(model, t[:n], u[:n], start, wrt=wrt) for _ in range(STEPS // n)]
+        return lambda: [
+            simulate(model, t[:n], u[:n], start, wrt=wrt, substeps=1) for _ in range(STEPS // n)
+        ]
 
     def loop():
         peers.numba_loop(t, u, np.empty((STEPS, 2)))
