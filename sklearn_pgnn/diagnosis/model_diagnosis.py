@@ -148,9 +148,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     Attributes
     ----------
-    verdict_ : {"cause_named", "ambiguous", "unexplained", "provisional", "predicts_nothing", \
-            "nothing_found", "model_adequate"}
-        The verdict, see :ref:`left`.
+    verdict_ : str
+        One of ``"cause_named"``, ``"ambiguous"``, ``"unexplained"``, ``"provisional"``,
+        ``"predicts_nothing"``, ``"nothing_found"`` and ``"model_adequate"``, see :ref:`left`.
     causes_ : tuple of NamedCause
         The missing causes, the most important first, each with its probability and those of its
         rivals.
