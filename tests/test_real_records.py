@@ -110,6 +110,7 @@ def test_hoop_has_dry_friction_and_its_steps_are_foretold(hoop, real_data):
 
 @pytest.mark.slow
 def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
+    """Four hundred samples do not tell it from a spring that is stiffer on one side."""
     model = PhysicsModel(
         name="drives",
         states={"v": "", "w": "", "z": ""},
@@ -128,7 +129,9 @@ def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
     )
     y = np.concatenate([table[f"z1{n}"] for n in (1, 2)])
     diagnosis = ModelDiagnosis(model).fit(X, y)
-    assert "sensor_rectification" in {cause.effect for cause in diagnosis.causes_}
+    (cause,) = diagnosis.causes_
+    assert diagnosis.verdict_ == "ambiguous"
+    assert "sensor_rectification" in {cause.effect, *(each.effect for each in cause.confused_with)}
 
 
 def tanks():
@@ -211,4 +214,3 @@ def test_an_unfinished_search_names_nothing_for_certain(cases, limit):
         assert found.verdict_ in ("provisional", "model_adequate")
         assert not found.tested_
         assert all(np.isnan(cause.probability) for cause in found.causes_)
-    assert not {"cogging", "sensor_curvature"} & {cause.effect for cause in found.causes_}
