@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModelRegressor, effects
+from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.physics import Parameter, PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
 from sklearn_pgnn.trajectories.reader import read_records
@@ -204,6 +205,8 @@ def test_a_lag_in_an_output_with_feed_through_is_followed_by_what_a_sensor_hides
     found = diagnosed(cases / "feed_through", catalogue=catalogue, max_causes=2)
     assert found.stopped_ is None
     assert "u_lagged" in found.extended_model_.states
+    assert "u_lagged" in found.discrepancy_.formula  # which the model without the lag lacks
+    assert "actuator lag" in render_report(found)
 
 
 @pytest.mark.slow

@@ -91,7 +91,7 @@ def make_case(diagnosis, cause) -> Case:
         if other is not cause:
             without = known[other.effect](other.target).apply(without)
     if part is not None:
-        without = part.effect.apply(without)
+        without = part.effect.known_to(without).apply(without)
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}
     if cause.target in diagnosis.model.parameters:
         values.pop(cause.target)

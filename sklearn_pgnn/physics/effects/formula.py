@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import sympy
 
+from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
@@ -41,6 +42,15 @@ def add_at(model, target: str, expression) -> dict:
     place = "equations" if target in model.states else "outputs"
     items = getattr(model, place)
     return {place: {**items, target: items[target] + expression}}
+
+
+def _is_known(term: str, model: PhysicsModel) -> bool:
+    """Return whether a model has all states and inputs of a term."""
+    try:
+        parse_expression(term, (*model.states, *model.inputs), "term")
+    except ModelError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)
@@ -115,6 +125,21 @@ class Formula(Effect):
         """Return the coefficients."""
         pairs = zip(self.names().values(), self.coefficients, strict=True)
         return tuple(Parameter(name, value) for name, value in pairs)
+
+    def known_to(self, model: PhysicsModel) -> Formula:
+        """Return the part whose terms contain no state that only another effect adds.
+
+        Examples
+        --------
+        >>> from sklearn_pgnn.physics.systems import cart_on_spring
+        >>> Formula("v", ("x**2", "force_lagged"), (0.1, 0.2)).known_to(cart_on_spring()).terms
+        ('x**2',)
+        """
+        pairs = zip(self.terms, self.coefficients, strict=True)
+        known = [(term, value) for term, value in pairs if _is_known(term, model)]
+        return replace(
+            self, terms=tuple(term for term, _ in known), coefficients=tuple(c for _, c in known)
+        )
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the terms."""
