@@ -9,6 +9,7 @@ from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
+from sklearn_pgnn.physics.effects.formula import known_part
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
@@ -91,7 +92,7 @@ def make_case(diagnosis, cause) -> Case:
         if other is not cause:
             without = known[other.effect](other.target).apply(without)
     if part is not None:
-        without = part.effect.known_to(without).apply(without)
+        without = known_part(part.effect, without).apply(without)
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}
     if cause.target in diagnosis.model.parameters:
         values.pop(cause.target)
