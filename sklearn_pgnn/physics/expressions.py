@@ -82,6 +82,7 @@ def parse_expression(
     names: Collection[str],
     where: str = "expression",
     external: Mapping[str, type[External]] = MappingProxyType({}),
+    let: Mapping[str, sympy.Expr] = MappingProxyType({}),
 ):
     """Turn the text of an equation into a SymPy expression.
 
@@ -95,6 +96,8 @@ def parse_expression(
         Description of the text that is parsed, for error messages.
     external : mapping of str to type, default={}
         Further functions by name, see `sklearn_pgnn.physics.external`.
+    let : mapping of str to sympy.Expr, default={}
+        Names that stand for an expression.
 
     Returns
     -------
@@ -123,7 +126,7 @@ def parse_expression(
             f"{where}: {_short(text)} is not an arithmetic expression (column {column})."
         ) from None
     try:
-        return _Translator(text, names, where, external).expression(tree.body)
+        return _Translator(text, names, where, external, let).expression(tree.body)
     except RecursionError:
         raise ModelError(f"{where}: {_short(text)} is nested too deeply.") from None
 
@@ -212,8 +215,8 @@ def _tower(expression: sympy.Expr) -> float:
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
-    def __init__(self, text: str, names: Collection[str], where: str, external=()):
-        self.text = text
+    def __init__(self, text: str, names: Collection[str], where: str, external=(), let=()):
+        self.text, self.let, self.room = text, dict(let), MAX_LENGTH
         self.functions: dict[str, Callable] = {**FUNCTIONS, **dict(external)}
         self.names = {same_name(name): name for name in names}
         self.where = where
@@ -359,10 +362,19 @@ class _Translator:
             return CONSTANTS[node.id]
         if node.id == "t":
             return TIME
+        if node.id in self.let:
+            return self.written_out(node)
         if node.id not in self.names:
-            known = ", ".join(sorted(self.names.values())) or "none"
+            known = ", ".join(sorted({*self.names.values(), *self.let})) or "none"
             self.refuse(node, f"unknown name {node.id!r}; known names are {known}")
         return symbol(self.names[node.id])
+
+    def written_out(self, node) -> sympy.Expr:
+        """Return what a name stands for; names in names in names may stand for a lot."""
+        self.room -= sum(1 for _ in sympy.preorder_traversal(self.let[node.id]))
+        if self.room < 0:
+            self.refuse(node, f"expected at most {MAX_LENGTH} operands when written out, got more")
+        return self.let[node.id]
 
     def number(self, node, depth):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):

@@ -5,7 +5,7 @@ the outputs and ``p`` the parameters; the last axis of an array is the quantity,
 are samples.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -15,6 +15,7 @@ import sympy
 
 from sklearn_pgnn.annotations import ArrayLike, FilePath
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.declared_ports import Ports, declared_in, read_let, read_ports
 from sklearn_pgnn.physics.expressions import (
     TIME,
     symbol,
@@ -23,6 +24,7 @@ from sklearn_pgnn.physics.expressions import (
 from sklearn_pgnn.physics.external import external_functions, require_equations
 from sklearn_pgnn.physics.model_parts import (
     ENERGY_PARTS,
+    EXPRESSIONS,
     as_expression,
     as_mapping,
     as_parameters,
@@ -41,6 +43,7 @@ from sklearn_pgnn.physics.model_parts import (
 )
 from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import Parameter, check_name
+from sklearn_pgnn.physics.port import Port
 from sklearn_pgnn.readings import reading
 
 
@@ -87,11 +90,21 @@ class PhysicsModel:
         held or linearly interpolated between samples), ``substeps``, the number of integration
         steps per sample interval, and their ``method`` (``"rk4"``, or ``"rosenbrock"`` for stiff
         models).
+    let : mapping of str to str or sympy.Expr, default={}
+        Shared subexpressions: their names may stand in all equations and in those below them, and
+        are written out when the model is made.
+    ports : mapping of str to mapping or Port, default={}
+        Where something can act, by name: the ``effort`` (an input, a name of `let`, or a name that
+        only the equations have: nobody applies it, and it is 0) and its conjugate ``flow``, a state
+        or a difference of two; optionally the ``displacement`` and the effort's ``unit``. In place
+        of the effort, ``rates`` and ``outputs`` may give its coefficients. The model has those that
+        it finds as well, see `port`.
 
     Raises
     ------
     ModelError
-        If a name is used twice or unknown, an equation is missing or cannot be parsed.
+        If a name is used twice or unknown, an equation is missing or cannot be parsed, or a port's
+        effort is in no equation or enters one not linearly.
 
     Examples
     --------
@@ -116,6 +129,8 @@ class PhysicsModel:
     settled: Mapping[str, str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
     simulation: Mapping[str, Any] = field(default_factory=dict)
+    let: Mapping[str, Any] = field(default_factory=dict)
+    ports: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self):
         states = as_units("states", self.states)
@@ -138,11 +153,13 @@ class PhysicsModel:
         names = (*states, *inputs, *parameters)
         check_delays(self.delays, parameters)
         check_columns(self.columns, states, inputs, outputs)
+        declared = declared_in(self.ports)
+        efforts = read_let(self.let, declared, names, inputs)
 
         def expressions(part, items):
             return MappingProxyType(
                 {
-                    key: as_expression(item, names, (part, key))
+                    key: as_expression(item, efforts.names(names), (part, key), efforts.let)
                     for key, item in dict(items or {}).items()
                 }
             )
@@ -164,6 +181,9 @@ class PhysicsModel:
             "columns": MappingProxyType(dict(self.columns or {})),
             "simulation": MappingProxyType(as_simulation(self.simulation or {})),
         }
+        ports = read_ports(declared, values, names, efforts)
+        values |= {part: efforts.settled(values[part], names) for part in EXPRESSIONS}
+        values |= {"let": MappingProxyType({}), "ports": Ports(ports, self)}
         check_inertia(values["inertia"])
         for key, value in values.items():
             object.__setattr__(self, key, value)
@@ -187,6 +207,43 @@ class PhysicsModel:
         """
         pairs = self.kinematic_pairs.items()
         return {v: position for v, position in pairs if self.equations[position] == symbol(v)}
+
+    def port(self, name: str) -> Port:
+        """Return a port of the model: a declared one, or one that it has without saying so.
+
+        Every velocity is a port, with its `inertia`, and so is every other state that is no
+        position. A declared port takes the place of one with the same flow.
+
+        Parameters
+        ----------
+        name : str
+            Its name; that of a state for a port that is not declared.
+
+        Returns
+        -------
+        Port
+            The port.
+
+        Raises
+        ------
+        ModelError
+            If the model has no such port.
+
+        Examples
+        --------
+        >>> elbow = {"effort": "tau", "flow": "w"}
+        >>> arm = PhysicsModel({"q": "rad", "w": "rad/s"}, {"q": "w", "w": "(tau - d*w)/J"},
+        ...                    {"J": 2.0, "d": 0.1}, {"tau": "N m"}, ports={"elbow": elbow})
+        >>> arm.port("elbow").rates, arm.port("elbow").displacement
+        ({'w': 1/J}, q)
+        """
+        if name not in self.ports:
+            raise ModelError(
+                f"expected a port among {', '.join(self.ports) or 'none'}, got {name!r}. Remedy: "
+                f"declare it in 'ports'.",
+                ("ports",),
+            )
+        return self.ports[name]
 
     @property
     def is_autonomous(self) -> bool:
@@ -213,8 +270,14 @@ class PhysicsModel:
 
     @property
     def _external(self):
-        parts = (self.equations, self.outputs, self.inertia, self.energy)
-        return external_functions(one for part in parts for one in part.values())
+        return external_functions(self._expressions)
+
+    @property
+    def _expressions(self) -> tuple[sympy.Expr, ...]:
+        """Every expression of the model."""
+        parts = (expression for part in EXPRESSIONS for expression in getattr(self, part).values())
+        ports = self.ports.declared.values()  # type: ignore[attr-defined]
+        return (*parts, *(expression for port in ports for expression in port.expressions()))
 
     @property
     def free_parameters(self) -> tuple[str, ...]:
@@ -230,10 +293,7 @@ class PhysicsModel:
         >>> PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0, "K": 1.0}).unused_parameters
         ('K',)
         """
-        parts = (self.equations, self.outputs, self.inertia, self.energy)
-        used = {
-            symbol.name for part in parts for each in part.values() for symbol in each.free_symbols
-        }
+        used = {symbol.name for each in self._expressions for symbol in each.free_symbols}
         return tuple(name for name in self.parameters if name not in {*used, *self.delays.values()})
 
     def unit(self, name: str) -> str:
@@ -304,6 +364,26 @@ class PhysicsModel:
             A new model; this one is unchanged.
         """
         return replace(self, **changes)
+
+    def changed(self, change: Callable[[sympy.Expr], sympy.Expr]) -> dict[str, Any]:
+        """Return the parts of the model that hold expressions, every one of them changed.
+
+        Parameters
+        ----------
+        change : callable
+            Takes an expression and returns another.
+
+        Returns
+        -------
+        dict
+            Constructor parameters of `PhysicsModel` and their new values.
+        """
+        parts: dict[str, Any] = {
+            part: {key: change(each) for key, each in getattr(self, part).items()}
+            for part in EXPRESSIONS
+        }
+        ports = declared_in(self.ports).items()
+        return {**parts, "ports": {name: port.replaced(change) for name, port in ports}}
 
     def with_parameters(self, **values: Any) -> "PhysicsModel":
         """Return the model with other parameter values.
@@ -408,6 +488,7 @@ class PhysicsModel:
             "settled": dict(self.settled),
             "columns": dict(self.columns),
             "simulation": dict(self.simulation),
+            "ports": {name: port.parts() for name, port in declared_in(self.ports).items()},
         }
         return {key: part for key, part in parts.items() if part}
 
@@ -508,8 +589,8 @@ class PhysicsModel:
     def __getstate__(self):
         if not self._external:
             return self._parts()
-        called = ("equations", "outputs", "inertia", "energy")
-        return self._parts() | {part: dict(getattr(self, part)) for part in called}
+        called = {part: dict(getattr(self, part)) for part in EXPRESSIONS}
+        return self._parts() | called | {"ports": declared_in(self.ports)}
 
     def __setstate__(self, state):
         self.__init__(**state)

@@ -338,6 +338,20 @@ class _Reader:
             self.refuse(self.places[("parameters", name)], f"{what}: expected a value, got none.")
         return found
 
+    def ports(self, node, part):
+        return self.section(node, part, self.port)
+
+    def port(self, node, what) -> dict:
+        found, name = {}, what.split(".", 1)[1]
+        for key, value in self.items(node, what, ("ports", name)):
+            read = self.texts_of if key in ("rates", "outputs") else self.text_of
+            found[key] = read(value, f"{what}.{key}")
+        return found
+
+    def texts_of(self, node, what) -> dict:
+        place = tuple(what.split("."))
+        return {key: self.text_of(n, f"{what}.{key}") for key, n in self.items(node, what, place)}
+
     def bounds(self, node, what) -> tuple[float, ...]:
         numbers = tuple(self.number(item, what) for item in self.list_of(node, what))
         if len(numbers) != 2:
@@ -359,6 +373,8 @@ _SECTIONS = {
     "settled": _Reader.texts,
     "columns": _Reader.texts,
     "simulation": _Reader.simulation,
+    "let": _Reader.texts,
+    "ports": _Reader.ports,
 }
 _PARAMETER = {
     "value": _Reader.number,
@@ -390,6 +406,8 @@ def _written(data: dict) -> CommentedMap:
             written[part] = content
         elif part in ("equations", "energy"):
             written[part] = CommentedMap((key, _quoted(text)) for key, text in content.items())
+        elif part == "ports":
+            written[part] = CommentedMap((key, _flow_of_texts(p)) for key, p in content.items())
         elif part == "parameters":
             written[part] = CommentedMap((key, _flow(p)) for key, p in content.items())
         else:
@@ -400,6 +418,16 @@ def _written(data: dict) -> CommentedMap:
 
 def _quoted(text: str) -> str:
     return text if text.isidentifier() else DoubleQuotedScalarString(text)
+
+
+def _flow_of_texts(content: dict) -> CommentedMap:
+    """Write the expressions of a port on one line."""
+    return _flow(
+        {
+            key: _flow_of_texts(part) if isinstance(part, dict) else _quoted(part)
+            for key, part in content.items()
+        }
+    )
 
 
 def _flow(content: dict) -> CommentedMap:

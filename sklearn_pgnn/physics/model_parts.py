@@ -13,6 +13,8 @@ from sklearn_pgnn.physics.expressions import parse_expression, same_name, standa
 from sklearn_pgnn.physics.parameter import Parameter, check_name
 
 ENERGY_PARTS = ("stored", "supplied", "dissipated")
+#: parts of a model that map names to expressions
+EXPRESSIONS = ("equations", "outputs", "inertia", "energy")
 #: inputs between samples: held, or linearly interpolated
 HOLDS = ("zoh", "foh")
 #: schemes of a step: Runge and Kutta's, and one for stiff models
@@ -23,11 +25,13 @@ MAX_TEXT = 1000
 MAX_SUBSTEPS, MAX_DERIVATIVES = 10_000, 50_000
 
 
-def as_expression(item, names, where) -> sympy.Expr:
-    """Return an equation as an expression of known names."""
-    read = standard_form if isinstance(item, sympy.Expr) else parse_expression
+def as_expression(item, names, where, let: Mapping[str, sympy.Expr] | None = None) -> sympy.Expr:
+    """Return an equation as an expression of known names, and of those that stand for one."""
     try:
-        return read(item, names, ".".join(where))
+        if isinstance(item, sympy.Expr):
+            return standard_form(item, names, ".".join(where))
+        found = parse_expression(item, names, ".".join(where), let=let or {})
+        return standard_form(found, names, ".".join(where)) if let else found
     except ModelError as error:
         raise ModelError(str(error), where) from None
 

@@ -47,16 +47,7 @@ class InputEffect(Effect):
 
 def substitute(model, old, new) -> dict:
     """Return the changes that replace `old` by `new` in every expression of a model."""
-
-    def replaced(items):
-        return {key: item.subs(old, new) for key, item in items.items()}
-
-    return {
-        "equations": replaced(model.equations),
-        "outputs": replaced(model.outputs),
-        "inertia": replaced(model.inertia),
-        "energy": replaced(model.energy),
-    }
+    return model.changed(lambda expression: expression.subs(old, new))
 
 
 @dataclass(frozen=True)

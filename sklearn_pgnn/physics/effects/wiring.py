@@ -253,12 +253,7 @@ def _pairs(model: PhysicsModel, names) -> Iterator[str]:
 
 def _substitute_both(model: PhysicsModel, exchanged: Mapping) -> dict:
     """Return the changes by a simultaneous substitution in every expression of a model."""
-
-    def replaced(items):
-        return {key: item.xreplace(exchanged) for key, item in items.items()}
-
-    parts = ("equations", "outputs", "inertia", "energy")
-    changes: dict = {part: replaced(getattr(model, part)) for part in parts}
+    changes = model.changed(lambda expression: expression.xreplace(exchanged))
     names = {str(a): str(b) for a, b in exchanged.items()}
     changes["delays"] = {names.get(u, u): delay for u, delay in model.delays.items()}
     changes["settled"] = {state: names.get(u, u) for state, u in model.settled.items()}

@@ -1,0 +1,271 @@
+"""Shared subexpressions and ports of a model as they are given: read, and refused if not valid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.derived_units import force_unit
+from sklearn_pgnn.physics.expressions import same_name, symbol
+from sklearn_pgnn.physics.found_ports import found_ports
+from sklearn_pgnn.physics.model_parts import as_expression, as_mapping, as_text, check_keys
+from sklearn_pgnn.physics.model_units import unit_of
+from sklearn_pgnn.physics.parameter import check_name
+from sklearn_pgnn.physics.port import Port
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+
+_KEYS = ("effort", "flow", "displacement", "rates", "outputs", "unit")
+
+
+def declared_in(ports: Any) -> dict[str, Any]:
+    """Return what a model declares as ports: of another model, not those that are found."""
+    return as_mapping("ports", ports.declared if isinstance(ports, Ports) else ports or {})
+
+
+class Ports(Mapping[str, Port]):
+    """The ports of a model: those that it declares, then those that are found when asked for."""
+
+    def __init__(self, declared: Mapping[str, Port], model: PhysicsModel):
+        self.declared, self._model = dict(declared), model
+        self._all: dict[str, Port] | None = None
+
+    def _known(self) -> dict[str, Port]:
+        if self._all is None:
+            taken = {port.flow for port in self.declared.values()}
+            found = found_ports(self._model)
+            free = {name: port for name, port in found.items() if port.flow not in taken}
+            self._all = {**self.declared, **free}
+        return self._all
+
+    def __getitem__(self, name: str) -> Port:
+        return self.declared[name] if name in self.declared else self._known()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known())
+
+    def __len__(self) -> int:
+        return len(self._known())
+
+
+@dataclass(frozen=True)
+class Efforts:
+    """The names that ports give to their efforts, while the equations of a model are read."""
+
+    #: names of efforts that stand for a shared subexpression, or that nobody applies
+    replaced: tuple[str, ...]
+    #: what shared subexpressions stand for; efforts stand for themselves
+    let: Mapping[str, sympy.Expr]
+    #: what is put in the place of an effort once its coefficients are taken
+    values: Mapping[sympy.Symbol, sympy.Expr]
+
+    def names(self, known: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the names that an expression may contain."""
+        return (*known, *self.replaced)
+
+    def applied(self, expression: sympy.Expr, known: tuple[str, ...]) -> sympy.Expr:
+        """Return an expression without the names of efforts."""
+        if not self.values or not expression.free_symbols & set(self.values):
+            return expression
+        return as_expression(expression.xreplace(self.values), known, ("let",))
+
+    def settled(self, items: Mapping, known: tuple[str, ...]) -> Mapping[str, sympy.Expr]:
+        """Return expressions without the names of efforts."""
+        if not self.values:
+            return items
+        return MappingProxyType({key: self.applied(each, known) for key, each in items.items()})
+
+
+def read_let(let: Any, ports: Any, names: tuple[str, ...], inputs: Mapping[str, str]) -> Efforts:
+    """Return the shared subexpressions, written out, and the names of efforts among them."""
+    given = as_mapping("let", let or {})
+    efforts = [name for name in _efforts_of(ports) if name not in inputs]
+    replaced = tuple(dict.fromkeys(efforts))
+    check_let({**given, **dict.fromkeys(replaced)}, names)
+    found: dict[str, sympy.Expr] = {}
+    values: dict[sympy.Symbol, sympy.Expr] = {
+        symbol(name): sympy.Integer(0) for name in replaced if name not in given
+    }
+    for name, text in given.items():
+        expression = as_expression(text, (*names, *replaced), ("let", name), found)
+        found[name] = expression
+        if name in replaced:
+            found[name], values[symbol(name)] = symbol(name), expression.xreplace(values)
+    return Efforts(replaced, found, values)
+
+
+def _efforts_of(ports: Any) -> Iterator[str]:
+    """Yield the names of efforts that ports give."""
+    for name, given in as_mapping("ports", ports or {}).items():
+        if isinstance(given, Mapping) and "effort" in given:
+            effort = given["effort"]
+            if not isinstance(effort, str):
+                raise ModelError(
+                    f"ports.{name}.effort: expected a name, got {effort!r}.", ("ports", name)
+                )
+            check_name(effort, "effort")
+            yield effort
+
+
+def check_let(let: Mapping[str, Any], names: tuple[str, ...]) -> None:
+    """Raise `ModelError` unless every shared subexpression and effort has a name of its own."""
+    taken = {same_name(name) for name in names}
+    for name in let:
+        check_name(name, "let")
+        if same_name(name) in taken:
+            raise ModelError(
+                f"let {name!r}: the name is taken by another quantity of the model. Remedy: "
+                f"rename one of them; an effort is an input, a name of 'let' or a new name.",
+                ("let", name),
+            )
+        taken.add(same_name(name))
+
+
+def read_ports(
+    declared: Mapping[str, Any],
+    parts: Mapping[str, Mapping],
+    names: tuple[str, ...],
+    efforts: Efforts,
+) -> dict[str, Port]:
+    """Return the ports of a model, from its parts that still have the names of the efforts."""
+    reader = _PortReader(parts, names, efforts)
+    return {name: reader.read(name, given) for name, given in declared.items()}
+
+
+@dataclass(frozen=True)
+class _PortReader:
+    """Read the ports of a model whose equations still contain the names of the efforts."""
+
+    #: parts of the model
+    parts: Mapping[str, Mapping]
+    names: tuple[str, ...]
+    efforts: Efforts
+
+    def read(self, name: str, given: Any) -> Port:
+        """Return a port that is given as a `Port` or as names and values."""
+        self.check_name(name, given)
+        if isinstance(given, Port):
+            given = {**given.parts(), **{k: getattr(given, k) for k in ("rates", "outputs")}}
+        self.check(name, given)
+        flow = self.expression(name, "flow", given["flow"])
+        if not flow.free_symbols & set(map(symbol, self.parts["states"])):
+            self.refuse(name, f"flow: expected a state, or a difference of two, got {flow}")
+        return self.completed(name, flow, given)
+
+    def completed(self, name: str, flow: sympy.Expr, given: Mapping) -> Port:
+        """Return a port with its coefficients, its displacement and its unit."""
+        at = given.get("displacement")
+        displacement = self.integral_of(flow) if at in (None, "") else self.position(name, flow, at)
+        effort = given.get("effort")
+        rates, outputs = self.taken(name, effort) if effort else self.told(name, given)
+        unit = as_text(str(given.get("unit") or ""), ("ports", name))
+        port = Port(name, flow, displacement, rates, outputs, unit)
+        return port if unit else Port(name, flow, displacement, rates, outputs, self.unit(port))
+
+    def check_name(self, name: str, given: Any) -> None:
+        """Refuse a name that is none, or that of another quantity than the port's own flow."""
+        check_name(name, "port")
+        flow = getattr(given, "flow", None) or (isinstance(given, Mapping) and given.get("flow"))
+        if name in {*self.names, *self.parts["outputs"]} and str(flow) != name:
+            self.refuse(name, "the name is taken by another quantity", "choose another name")
+
+    def check(self, name: str, given: Any) -> None:
+        """Refuse what is no port."""
+        if not isinstance(given, Mapping):
+            self.refuse(name, f"expected names and values, got {given!r}")
+        for key in given:
+            if key not in _KEYS:
+                self.refuse(name, f"unknown key {key!r}; expected {', '.join(_KEYS)}")
+        if not given.get("flow"):
+            self.refuse(name, "expected the flow conjugate to the effort, got none")
+        if bool(given.get("effort")) == bool(given.get("rates")):
+            self.refuse(name, "expected either 'effort' or 'rates', got both or none")
+
+    def refuse(self, name: str, why: str, remedy: str = "") -> None:
+        """Raise `ModelError`."""
+        advice = remedy or "name the effort and the flow, {effort: tau2, flow: w2}"
+        raise ModelError(f"ports.{name}: {why}. Remedy: {advice}.", ("ports", name))
+
+    def expression(self, name: str, key: str, given: Any) -> sympy.Expr:
+        """Return an expression without efforts."""
+        known = self.efforts.names(self.names)
+        read = as_expression(given, known, ("ports", name, key), self.efforts.let)
+        return self.efforts.applied(read, self.names)
+
+    def told(self, name: str, given: Mapping) -> tuple[dict, dict]:
+        """Return the coefficients as they are given."""
+        found = []
+        for part, known in (("rates", self.parts["states"]), ("outputs", self.parts["outputs"])):
+            check_keys(f"ports.{name}.{part}", given.get(part) or {}, known)
+            slopes = dict(given.get(part) or {})
+            found.append({k: self.expression(name, part, each) for k, each in slopes.items()})
+        return found[0], found[1]
+
+    def taken(self, name: str, effort: str) -> tuple[dict, dict]:
+        """Return the coefficients of an effort in the equations and in the outputs."""
+        found = [
+            {key: self.slope(name, effort, key, each) for key, each in part.items() if each.has(e)}
+            for e in [symbol(effort)]
+            for part in (self.parts["equations"], self.parts["outputs"])
+        ]
+        if not found[0]:
+            self.refuse(
+                name,
+                f"the effort {effort!r} is in no equation",
+                f"write {effort} into the equations where it acts, or give the port's 'rates'",
+            )
+        return found[0], found[1]
+
+    def slope(self, name: str, effort: str, key: str, expression: sympy.Expr) -> sympy.Expr:
+        """Return the coefficient of an effort in an expression; it must be linear in it."""
+        slope = expression.diff(symbol(effort))
+        if slope.has(symbol(effort)):
+            self.refuse(
+                name,
+                f"the effort {effort!r} is not linear in the equation or output of {key!r}",
+                "give the force or torque behind it a name in 'let', and make that the effort",
+            )
+        return as_expression(self.efforts.applied(slope, self.names), self.names, ("ports", name))
+
+    def unit_of(self, expression: sympy.Expr) -> str:
+        """Return the unit of an expression of states, inputs and parameters."""
+        units = {**self.parts["states"], **self.parts["inputs"]}
+        units |= {name: each.unit for name, each in self.parts["parameters"].items()}
+        return unit_of(expression, lambda name: units.get(name, ""))
+
+    def integral_of(self, flow: sympy.Expr) -> sympy.Expr | None:
+        """Return the displacement of a flow whose velocities all have a position."""
+        pairs = {rate: symbol(s) for s, rate in self.parts["equations"].items() if rate.is_Symbol}
+        velocities = flow.free_symbols & set(map(symbol, self.parts["states"]))
+        slopes = [flow.diff(v) for v in velocities]
+        if not velocities <= set(pairs) or any(s.free_symbols & velocities for s in slopes):
+            return None
+        return flow.xreplace({v: pairs[v] for v in velocities})
+
+    def position(self, name: str, flow: sympy.Expr, given: Any) -> sympy.Expr:
+        """Return a given displacement, whose rate must be the flow."""
+        found = self.expression(name, "displacement", given)
+        slopes = (found.diff(symbol(s)) * rate for s, rate in self.parts["equations"].items())
+        rate = sympy.Add(*(slope for slope in slopes if slope != 0))
+        if sympy.expand(rate - flow) != 0:
+            self.refuse(
+                name,
+                f"displacement: expected a quantity whose rate is {flow}, got {found}, whose "
+                f"rate is {rate}",
+                "correct it, or leave it out",
+            )
+        return found
+
+    def unit(self, port: Port) -> str:
+        """Return the unit of an effort, by the inertia that it moves."""
+        mobility, flow = port.mobility, self.unit_of(port.flow)
+        inertia = self.unit_of(1 / mobility) if mobility != 0 else ""
+        if inertia and flow:
+            return force_unit(inertia, flow)
+        return {"m/s": "N", "rad/s": "N m"}.get(flow, "")
