@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
+from sklearn_pgnn.estimation.hypothesis import sensors_last
 from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
@@ -87,9 +88,9 @@ def make_case(diagnosis, cause) -> Case:
     """Return a cause with all that was found, with and without it, and the records."""
     known, part = known_effects(diagnosis), diagnosis.discrepancy_
     full, without = model_with_all(diagnosis), diagnosis.model
-    for other in diagnosis.causes_:
-        if other is not cause:
-            without = known[other.effect](other.target).apply(without)
+    others = (known[other.effect](other.target) for other in diagnosis.causes_ if other is not cause)
+    for other in sensors_last(without, tuple(others)):
+        without = other.apply(without)
     if part is not None:
         without = part.effect.known_to(without).apply(without)
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from sklearn_pgnn.physics.model_parts import as_expression, as_mapping, as_text,
 from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import check_name
 from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.repeated_rates import shown_rates
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
@@ -34,24 +36,35 @@ class Ports(Mapping[str, Port]):
 
     def __init__(self, declared: Mapping[str, Port], model: PhysicsModel):
         self.declared, self._model = dict(declared), model
-        self._all: dict[str, Port] | None = None
 
-    def _known(self) -> dict[str, Port]:
-        if self._all is None:
-            taken = {port.flow for port in self.declared.values()}
-            found = found_ports(self._model)
-            free = {name: port for name, port in found.items() if port.flow not in taken}
-            self._all = {**self.declared, **free}
-        return self._all
+    @cached_property
+    def _all(self) -> dict[str, Port]:
+        found = found_ports(self._model, self.declared.values())
+        return {name: self._seen(port) for name, port in {**self.declared, **found}.items()}
+
+    def _seen(self, port: Port) -> Port:
+        """Return a port with its coefficients in outputs that repeat a rate."""
+        slopes = {
+            output: sympy.Add(*(c * port.rates.get(state, 0) for state, c in factors.items()))
+            for output, factors in shown_rates(self._model).items()
+        }
+        told = {output: slope for output, slope in slopes.items() if slope != 0}
+        return replace(port, outputs={**told, **port.outputs}) if told else port
+
+    @property
+    def kept(self) -> dict[str, Port]:
+        """What a model keeps that is made from this one: ports that it could not find again."""
+        found = {name: port for name, port in self._all.items() if len(port.rates) > 1}
+        return {**{name: replace(port, outputs={}) for name, port in found.items()}, **self.declared}
 
     def __getitem__(self, name: str) -> Port:
-        return self.declared[name] if name in self.declared else self._known()[name]
+        return self._all[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._known())
+        return iter(self._all)
 
     def __len__(self) -> int:
-        return len(self._known())
+        return len(self._all)
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,8 @@ FUNCTIONS = {
 }
 _SEVERAL_ARGUMENTS = {"atan2": (2, 2), "max": (2, 20), "min": (2, 20)}
 CONSTANTS = {"pi": sympy.pi}
+#: what stands for the rate of a state in an output, as in der(v)
+RATE = "der"
 _UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 #: operators of Python that an equation may not use
 _OTHER_SIGNS = {
@@ -338,6 +340,8 @@ class _Translator:
 
     def call(self, node, depth):
         name = node.func.id if isinstance(node.func, ast.Name) else None
+        if name == RATE:
+            return self.rate(node)
         if name not in self.functions or node.keywords:
             self.refuse(
                 node,
@@ -363,18 +367,27 @@ class _Translator:
         if node.id == "t":
             return TIME
         if node.id in self.let:
-            return self.written_out(node)
+            return self.written_out(node, node.id)
         if node.id not in self.names:
-            known = ", ".join(sorted({*self.names.values(), *self.let})) or "none"
+            known = ", ".join(sorted(filter(str.isidentifier, {*self.names.values(), *self.let}))) or "none"
             self.refuse(node, f"unknown name {node.id!r}; known names are {known}")
         return symbol(self.names[node.id])
 
-    def written_out(self, node) -> sympy.Expr:
+    def rate(self, node) -> sympy.Expr:
+        """Return the rate of a state, written der(v)."""
+        name = ast.unparse(node) if len(node.args) == 1 and not node.keywords else ""
+        if name not in self.let:
+            self.refuse(
+                node, f"{self.quote(node)} is not the rate of a state; only an output may have one"
+            )
+        return self.written_out(node, name)
+
+    def written_out(self, node, name: str) -> sympy.Expr:
         """Return what a name stands for; names in names in names may stand for a lot."""
-        self.room -= sum(1 for _ in sympy.preorder_traversal(self.let[node.id]))
+        self.room -= sum(1 for _ in sympy.preorder_traversal(self.let[name]))
         if self.room < 0:
             self.refuse(node, f"expected at most {MAX_LENGTH} operands when written out, got more")
-        return self.let[node.id]
+        return self.let[name]
 
     def number(self, node, depth):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):

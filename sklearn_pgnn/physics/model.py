@@ -17,6 +17,7 @@ from sklearn_pgnn.annotations import ArrayLike, FilePath
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.declared_ports import Ports, declared_in, read_let, read_ports
 from sklearn_pgnn.physics.expressions import (
+    RATE,
     TIME,
     symbol,
     to_text,
@@ -67,7 +68,8 @@ class PhysicsModel:
     inputs : mapping of str to str, default={}
         Input names and their units.
     outputs : mapping of str to str or sympy.Expr, default: every state under its own name
-        What the sensors measure, as expressions of states and inputs.
+        What the sensors measure, as expressions of states and inputs; ``der(v)`` stands for the
+        rate of a state.
     name : str, default="model"
         Name of the model.
     inertia : mapping of str to str or sympy.Expr, default={}
@@ -156,21 +158,24 @@ class PhysicsModel:
         declared = declared_in(self.ports)
         efforts = read_let(self.let, declared, names, inputs)
 
-        def expressions(part, items):
+        def expressions(part, items, let=efforts.let):
             return MappingProxyType(
                 {
-                    key: as_expression(item, efforts.names(names), (part, key), efforts.let)
+                    key: as_expression(item, efforts.names(names), (part, key), let)
                     for key, item in dict(items or {}).items()
                 }
             )
+
+        equations = expressions("equations", {s: self.equations[s] for s in states})
+        rates = {f"{RATE}({state})": rate for state, rate in equations.items()}
 
         values = {
             "name": as_text(str(self.name), ("name",)),
             "states": MappingProxyType(states),
             "inputs": MappingProxyType(inputs),
             "parameters": MappingProxyType(parameters),
-            "equations": expressions("equations", {s: self.equations[s] for s in states}),
-            "outputs": expressions("outputs", outputs),
+            "equations": equations,
+            "outputs": expressions("outputs", outputs, {**efforts.let, **rates}),
             "inertia": expressions("inertia", self.inertia),
             "energy": expressions("energy", self.energy),
             "delays": MappingProxyType(dict(self.delays or {})),
@@ -382,7 +387,7 @@ class PhysicsModel:
             part: {key: change(each) for key, each in getattr(self, part).items()}
             for part in EXPRESSIONS
         }
-        ports = declared_in(self.ports).items()
+        ports = self.ports.kept.items()  # type: ignore[attr-defined]
         return {**parts, "ports": {name: port.replaced(change) for name, port in ports}}
 
     def with_parameters(self, **values: Any) -> "PhysicsModel":

@@ -31,7 +31,8 @@ def as_expression(item, names, where, let: Mapping[str, sympy.Expr] | None = Non
         if isinstance(item, sympy.Expr):
             return standard_form(item, names, ".".join(where))
         found = parse_expression(item, names, ".".join(where), let=let or {})
-        return standard_form(found, names, ".".join(where)) if let else found
+        is_written_out = let and any(name in str(item) for name in let)
+        return standard_form(found, names, ".".join(where)) if is_written_out else found
     except ModelError as error:
         raise ModelError(str(error), where) from None
 

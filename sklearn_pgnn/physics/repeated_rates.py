@@ -1,0 +1,101 @@
+r"""Outputs that repeat the expression of a rate, as that of an accelerometer does.
+
+An output :math:`y = \sum_i c_i \dot x_i + r` is told from its terms: all terms of a rate, times one
+factor of parameters and numbers, are among them. Only accelerations are told from a factor: the
+voltage at the resistor of a high-pass, u - x, is proportional to the rate (u - x)/T, and yet it does
+not show a leak of the capacitor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import sympy
+
+from sklearn_pgnn.physics.expansion import expanded
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.found_ports import is_velocity
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+
+#: names and expressions
+Items = tuple[tuple[str, sympy.Expr], ...]
+_BOTH = (True, False)
+
+
+def shown_rates(model: PhysicsModel) -> dict[str, dict[str, sympy.Expr]]:
+    """Return the factors of the rates that a model's outputs repeat, by output and state."""
+    outputs, fast = tuple(model.outputs.items()), [s for s in model.states if is_velocity(model, s)]
+    parts = [tuple((s, r) for s, r in model.equations.items() if (s in fast) is it) for it in _BOTH]
+    constants = frozenset(map(symbol, model.parameters))
+    accelerations, others = (repeated_rates(part, outputs, constants) for part in parts)
+    found = {name: dict(factors) for name, factors in accelerations.items()}
+    for name, factors in others.items():
+        found[name] = {**found.get(name, {}), **{s: c for s, c in factors.items() if abs(c) == 1}}
+    return {name: factors for name, factors in found.items() if factors}
+
+
+def with_rates(model: PhysicsModel, rates: Mapping[str, sympy.Expr]) -> dict[str, Any]:
+    """Return the changes of a model by new rates, those of outputs that show them with them.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> fall = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, {"a": "der(v)"})
+    >>> with_rates(fall, {"v": sympy.Integer(0)})
+    {'equations': {'v': 0}, 'outputs': {'a': 0}}
+    """
+    outputs = dict(model.outputs)
+    for output, factors in shown_rates(model).items():
+        for state in factors.keys() & rates:
+            old, new = model.equations[state], rates[state]
+            whole = outputs[output] == old
+            outputs[output] = new if whole else outputs[output] + factors[state] * (new - old)
+    return {"equations": {**model.equations, **rates}, "outputs": outputs}
+
+
+@lru_cache(maxsize=256)
+def repeated_rates(
+    equations: Items, outputs: Items, constants: frozenset[sympy.Symbol]
+) -> dict[str, dict[str, sympy.Expr]]:
+    """Return the factors of the rates that outputs repeat, by output and state.
+
+    Examples
+    --------
+    >>> F, m, k, x, b = sympy.symbols("F m k x b")
+    >>> rates, outputs = (("v", (F - k * x) / m),), (("acc", b - 2 * (F - k * x) / m), ("F", F))
+    >>> repeated_rates(rates, outputs, frozenset({m, k, b}))
+    {'acc': {'v': -2}}
+    """
+    found: dict[str, dict[str, sympy.Expr]] = {}
+    for output, shown in outputs:
+        for state, rate in equations:
+            factor = _factor(shown, rate, constants)
+            if factor != 0:
+                found.setdefault(output, {})[state] = factor
+    return found
+
+
+def _factor(shown: sympy.Expr, rate: sympy.Expr, constants: frozenset[sympy.Symbol]) -> sympy.Expr:
+    """Return the factor of a rate in an output; 0 where the output does not repeat it."""
+    moving = rate.free_symbols - constants
+    if rate.is_Symbol or not moving or not moving <= shown.free_symbols:
+        return sympy.Integer(0)
+    if shown == rate:
+        return sympy.Integer(1)
+    left, terms = set(sympy.Add.make_args(expanded(shown))), sympy.Add.make_args(expanded(rate))
+    factors = [part / terms[0] for part in sympy.Add.make_args(expanded(shown))]
+    total = sympy.Integer(0)
+    for factor in factors:
+        needed = {factor * term for term in terms}
+        if _is_constant(factor, constants, len(terms)) and needed <= left:
+            left, total = left - needed, total + factor
+    return total
+
+
+def _is_constant(factor: sympy.Expr, constants: frozenset[sympy.Symbol], n_terms: int) -> bool:
+    """Return whether a factor does not move; what is only one term need not be a rate."""
+    return abs(factor) == 1 if n_terms == 1 else factor.free_symbols <= constants
