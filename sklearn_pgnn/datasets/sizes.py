@@ -7,10 +7,13 @@ spread over its typical rate.
 """
 
 import numpy as np
+import sympy
 
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.datasets.rig import settled
 from sklearn_pgnn.physics.effect import Scales
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.places import signals_at_ports
 from sklearn_pgnn.physics.typical import typical_value
 
 #: length of a window in the slowest state's time of change, its largest fraction of a record, and
@@ -96,12 +99,15 @@ def measure_scales(model, t, u, x, y) -> Scales:
         for names, values in ((model.outputs, y), (model.states, x), (model.inputs, u))
         for i, name in enumerate(names)
     }
+    at_ports = {name: _signal(model, each, x) for name, each in signals_at_ports(model).items()}
+    signals |= at_ports
     rates = np.gradient(x, t, axis=1)
     changes = np.std(x, axis=(0, 1)) / np.maximum(_rms(rates), np.finfo(float).tiny)
     return Scales(
         typical={name: float(np.std(signal)) for name, signal in signals.items()},
         peak={name: float(np.abs(signal).max()) for name, signal in signals.items()},
-        rate=dict(zip(model.states, _rms(rates).tolist(), strict=True)),
+        rate=dict(zip(model.states, _rms(rates).tolist(), strict=True))
+        | {name: float(_rms(np.gradient(s, t, axis=1))) for name, s in at_ports.items()},
         sample_time=float(np.median(np.diff(t))),
         window=float(min(CHANGES * changes.max(), SHARE * (t[-1] - t[0]))),
         duration=float(t[-1] - t[0]),
@@ -201,6 +207,13 @@ def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int 
         middle = np.sqrt(low * high)
         low, high = (low, middle) if does(middle) > wanted else (middle, high)
     return effect(high), True
+
+
+def _signal(model, expression, x):
+    """Return an expression of states and parameters in a set of records."""
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    function = sympy.lambdify(list(map(symbol, model.states)), expression.xreplace(values))
+    return function(*np.moveaxis(x, -1, 0))
 
 
 def _rms(signals):

@@ -23,7 +23,7 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.physics.places import places_of
 
 #: probability from which on something without a name is a rival
 OPEN = 0.5
@@ -80,5 +80,5 @@ def other_places(prior: PhysicsModel, model: PhysicsModel, cause: Effect) -> tup
     changed = [name for name, rate in model.equations.items() if rate != extended.equations[name]]
     is_timed = any(TIME in extended.equations[name].free_symbols for name in changed)
     is_sensor = not changed and model.outputs != extended.outputs
-    plant = {*prior.states, *prior.inputs} if is_sensor or is_timed else ()
-    return tuple(name for name in channels(prior) if name in plant)
+    plant = {*prior.states, *prior.ports, *prior.inputs} if is_sensor or is_timed else ()
+    return tuple(name for name in places_of(prior) if name in plant)

@@ -38,7 +38,7 @@ from sklearn_pgnn.estimation.fitted_records import record_starts
 from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import SimulationError
-from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.physics.places import places_of
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -59,7 +59,8 @@ class Structure:
     Parameters
     ----------
     place : str
-        The state in whose rate it acts, or the input or output; empty if no law explains anything.
+        The port where it acts, the state in whose rate, or the input or output; empty if no law
+        explains anything.
     share : float
         Share of an output's squared error over windows that it explains, of records not used for
         it.
@@ -98,7 +99,7 @@ def find_structure(
     of the hidden input exceeds zero by Student's test over the groups, at `alpha` divided by the
     number of tests.
     """
-    names = channels(problem.prior)
+    names = places_of(problem.prior)
     level = alpha / (4 * len(names) * (1 + len(problem.prior.outputs)))
     found = [Structure()]
     for place in _places(problem, trial, names, each_step):

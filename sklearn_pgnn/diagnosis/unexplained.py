@@ -14,6 +14,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import typical_at
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
@@ -45,7 +46,7 @@ class MissingPart:
     Parameters
     ----------
     target : str
-        The state in whose rate it is missing, or the input or output.
+        The port at which it is missing, the state in whose rate, or the input or output.
     quantities : tuple of str
         The quantities it depends on.
     share : float
@@ -58,7 +59,7 @@ class MissingPart:
         The model with the terms, fitted together.
     left : ndarray of shape (n_samples,)
         What the records show there beside the terms, smoothed with the parameters fitted with
-        them [unit of the target; per second for a state].
+        them, see `sklearn_pgnn.physics.places.unit_at`.
     known : tuple of KnownTerms, default=()
         The terms that a parameter of the model or an effect of the catalogue expresses.
 
@@ -181,7 +182,7 @@ def hidden_input(
     each_step: Callable[[], bool | None] | None = None,
 ) -> HiddenInput:
     """Estimate by smoothing what acts at a channel and is not in the model."""
-    model, scales = base.fit.model, problem.scales
+    model = base.fit.model
     estimate = problem.states.estimate(model)
     return find_hidden_input(
         model,
@@ -189,7 +190,7 @@ def hidden_input(
         channel,
         estimate.x,
         estimate.spread,
-        scales.rate.get(channel, scales.typical[channel]),
+        typical_at(model, channel, problem.scales),
         problem.period,
         each_step,
     )

@@ -26,6 +26,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem, one_of
 from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import places_of, typical_at
 from sklearn_pgnn.simulation.bounded_step import bounded_step
 from sklearn_pgnn.simulation.disturbance import (
     Disturbance,
@@ -34,7 +35,6 @@ from sklearn_pgnn.simulation.disturbance import (
     likeliest,
 )
 from sklearn_pgnn.simulation.filtered_response import Starts, linearise_filtered
-from sklearn_pgnn.simulation.hidden_input import channels
 from sklearn_pgnn.simulation.led_states import Lead, lead
 from sklearn_pgnn.simulation.simulate import simulate_acting
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
@@ -120,7 +120,7 @@ class HeldOutWindows:
 
     def likelihoods(self, each_run: Callable[[], bool | None] = lambda: None) -> Iterator[float]:
         """Yield the likelihood with the parameters as they are, and as estimated again."""
-        found = (self._likeliest(each, each_run) for each in channels(self.problem.prior))
+        found = (self._likeliest(each, each_run) for each in places_of(self.problem.prior))
         best = max(found, key=lambda one: one.likelihood, default=None)
         if best is None:
             return
@@ -151,7 +151,7 @@ class HeldOutWindows:
     def _typical(self, channel: str) -> tuple[float, float]:
         """Return a typical value of a channel, and the time of a window."""
         scales = self.problem.scales
-        return scales.rate.get(channel, scales.typical[channel]), scales.window
+        return typical_at(self.problem.prior, channel, scales), scales.window
 
     def _linearised(self, channel: str, disturbance: Disturbance) -> LinearWindows:
         """Linearise all windows with a hidden input, along its effect."""

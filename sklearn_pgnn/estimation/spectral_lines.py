@@ -1,10 +1,10 @@
 r"""Periodic components of a missing rate: tones in time, ripples over position.
 
 A fit of a wave has a local minimum at every frequency, so it must start near the right one. The
-missing part of a velocity's rate, :math:`\dot v - f(x, u, p)`, is taken from the estimated states;
-the part that re-tuned parameters could explain is projected out, and the peaks in the spectrum of
-the rest are the starting values. That rate is not available if a sensor is noisy or a state has
-no sensor, so peaks are also searched in the residuals of the re-tuned model.
+missing part of the rate of a velocity, :math:`\dot v - f(x, u, p)`, is taken from the estimated
+states; the part that re-tuned parameters could explain is projected out, and the peaks in the
+spectrum of the rest are the starting values. That rate is not available if a sensor is noisy or a
+state has no sensor, so peaks are also searched in the residuals of the re-tuned model.
 """
 
 from contextlib import suppress
@@ -18,10 +18,11 @@ from scipy.signal import argrelmax, lombscargle
 
 from sklearn_pgnn.estimation.budgets import BACKGROUND, CYCLE_STEP, LINES, ROUNDING, SAMPLES
 from sklearn_pgnn.exceptions import SimulationError
-from sklearn_pgnn.physics.effects.rates import is_velocity
+from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -29,14 +30,17 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 def missing_rate(
-    model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, state: str
+    model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, flow: sympy.Expr
 ) -> np.ndarray:
-    """Return the missing rate of a state, less the part that the parameters could explain."""
-    size, rate = windows.t.size, model.equations[state]
+    """Return the missing rate of a flow, less the part that the parameters could explain."""
+    slopes = {state: flow.diff(symbol(state)) for state in model.states}
+    rate = sympy.Add(*(slope * model.equations[state] for state, slope in slopes.items()))
+    size = windows.t.size
     table = sample_table(model, windows, x)
     explained = [sympy.Integer(1), *(sympy.diff(rate, symbol(n)) for n in model.free_parameters)]
     columns = np.column_stack([evaluate_samples(e, table, size) for e in explained])
-    missing = slopes_by_record(windows, table[state]) - evaluate_samples(rate, table, size)
+    measured = slopes_by_record(windows, evaluate_samples(flow, table, size))
+    missing = measured - evaluate_samples(rate, table, size)
     known = np.isfinite(columns).all(axis=1) & np.isfinite(missing)
     columns, missing = np.where(known[:, None], columns, 0.0), np.where(known, missing, 0.0)
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
@@ -50,18 +54,24 @@ def slopes_by_record(windows: ShootingWindows, values: np.ndarray) -> np.ndarray
 
 
 def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> tuple[dict, dict]:
-    """Find the tones and the ripples in the missing rates of a model's velocities."""
+    """Find the tones and the ripples in the missing rates of the velocities at a model's ports."""
     tones, ripples = {}, {}
-    pairs = model.kinematic_pairs
-    for state in model.states:
-        if not is_velocity(model, state):
-            continue
-        missing = missing_rate(model, windows, x, state)
-        tones[state] = _tones(windows, missing)
-        if state in pairs:
-            position = x[:, list(model.states).index(pairs[state])]
-            ripples[state] = _ripples(position, missing)
+    for name, port in _moving_ports(model).items():
+        missing = missing_rate(model, windows, x, port.flow)
+        tones[name] = _tones(windows, missing)
+        if port.displacement is not None:
+            ripples[name] = _ripples(_path(model, windows, x, port), missing)
     return tones, ripples
+
+
+def _moving_ports(model: PhysicsModel) -> dict[str, Port]:
+    return {name: port for name, port in model.ports.items() if is_moving(model, port)}
+
+
+def _path(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, port: Port) -> np.ndarray:
+    """Return the displacement at a port at every sample."""
+    table = sample_table(model, windows, x)
+    return evaluate_samples(sympy.sympify(port.displacement), table, windows.t.size)
 
 
 def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, ...]:
@@ -79,10 +89,11 @@ def ripples_left(
     """
     some, x0, found = windows.select(which), fit.evaluation.x0[which], {}
     some = replace(some, y=fit.evaluation.residual)
-    for state, position in fit.model.kinematic_pairs.items():
-        path = x[:, list(fit.model.states).index(position)]
-        with suppress(SimulationError):
-            found[state] = _ripples_left(some, fit.model, x0, state, path)
+    for name, port in _moving_ports(fit.model).items():
+        if port.displacement is not None:
+            path = _path(fit.model, windows, x, port)
+            with suppress(SimulationError):
+                found[name] = _ripples_left(some, fit.model, x0, name, path)
     return found
 
 

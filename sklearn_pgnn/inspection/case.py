@@ -88,7 +88,9 @@ def make_case(diagnosis, cause) -> Case:
     """Return a cause with all that was found, with and without it, and the records."""
     known, part = known_effects(diagnosis), diagnosis.discrepancy_
     full, without = model_with_all(diagnosis), diagnosis.model
-    others = (known[other.effect](other.target) for other in diagnosis.causes_ if other is not cause)
+    others = (
+        known[other.effect](other.target) for other in diagnosis.causes_ if other is not cause
+    )
     for other in sensors_last(without, tuple(others)):
         without = other.apply(without)
     if part is not None:

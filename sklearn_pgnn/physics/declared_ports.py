@@ -54,8 +54,8 @@ class Ports(Mapping[str, Port]):
     @property
     def kept(self) -> dict[str, Port]:
         """What a model keeps that is made from this one: ports that it could not find again."""
-        found = {name: port for name, port in self._all.items() if len(port.rates) > 1}
-        return {**{name: replace(port, outputs={}) for name, port in found.items()}, **self.declared}
+        several = {n: replace(p, outputs={}) for n, p in self._all.items() if len(p.rates) > 1}
+        return {**several, **self.declared}
 
     def __getitem__(self, name: str) -> Port:
         return self._all[name]
@@ -173,9 +173,8 @@ class _PortReader:
 
     def completed(self, name: str, flow: sympy.Expr, given: Mapping) -> Port:
         """Return a port with its coefficients, its displacement and its unit."""
-        at = given.get("displacement")
-        displacement = self.integral_of(flow) if at in (None, "") else self.position(name, flow, at)
         effort = given.get("effort")
+        displacement = self.displacement(name, flow, given)
         rates, outputs = self.taken(name, effort) if effort else self.told(name, given)
         unit = as_text(str(given.get("unit") or ""), ("ports", name))
         port = Port(name, flow, displacement, rates, outputs, unit)
@@ -261,9 +260,17 @@ class _PortReader:
             return None
         return flow.xreplace({v: pairs[v] for v in velocities})
 
-    def position(self, name: str, flow: sympy.Expr, given: Any) -> sympy.Expr:
-        """Return a given displacement, whose rate must be the flow."""
-        found = self.expression(name, "displacement", given)
+    def displacement(self, name: str, flow: sympy.Expr, given: Mapping) -> sympy.Expr | None:
+        """Return the displacement; an effect may bend its rate, so not all are checked."""
+        if given.get("displacement") in (None, ""):
+            return self.integral_of(flow)
+        found = self.expression(name, "displacement", given["displacement"])
+        if given.get("effort"):
+            self.check_rate(name, flow, found)
+        return found
+
+    def check_rate(self, name: str, flow: sympy.Expr, found: sympy.Expr) -> None:
+        """Refuse a displacement whose rate is not the flow."""
         slopes = (found.diff(symbol(s)) * rate for s, rate in self.parts["equations"].items())
         rate = sympy.Add(*(slope for slope in slopes if slope != 0))
         if sympy.expand(rate - flow) != 0:
@@ -273,7 +280,6 @@ class _PortReader:
                 f"rate is {rate}",
                 "correct it, or leave it out",
             )
-        return found
 
     def unit(self, port: Port) -> str:
         """Return the unit of an effort, by the inertia that it moves."""

@@ -461,7 +461,7 @@ class Effect(ABC):
         if taken:
             raise ModelError(f"{self.id}: the model already has a parameter {taken[0]!r}.")
         symbols = {key: symbol(name) for key, name in self.names().items()}
-        changes = {"ports": model.ports.kept, **self.rewrite(model, symbols)}
+        changes = {"ports": model.kept_ports, **self.rewrite(model, symbols)}
         parameters = {**changes.pop("parameters", model.parameters), **new}
         return model.replace(parameters=parameters, **changes)
 

@@ -369,7 +369,10 @@ class _Translator:
         if node.id in self.let:
             return self.written_out(node, node.id)
         if node.id not in self.names:
-            known = ", ".join(sorted(filter(str.isidentifier, {*self.names.values(), *self.let}))) or "none"
+            known = (
+                ", ".join(sorted(filter(str.isidentifier, {*self.names.values(), *self.let})))
+                or "none"
+            )
             self.refuse(node, f"unknown name {node.id!r}; known names are {known}")
         return symbol(self.names[node.id])
 

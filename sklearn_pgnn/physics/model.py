@@ -251,6 +251,11 @@ class PhysicsModel:
         return self.ports[name]
 
     @property
+    def kept_ports(self) -> dict[str, Port]:
+        """Ports that a model made from this one keeps, since it could not find them again."""
+        return self.ports.kept  # type: ignore[attr-defined]
+
+    @property
     def is_autonomous(self) -> bool:
         """Whether equations and outputs do not contain the time ``t``.
 
@@ -387,7 +392,7 @@ class PhysicsModel:
             part: {key: change(each) for key, each in getattr(self, part).items()}
             for part in EXPRESSIONS
         }
-        ports = self.ports.kept.items()  # type: ignore[attr-defined]
+        ports = self.kept_ports.items()
         return {**parts, "ports": {name: port.replaced(change) for name, port in ports}}
 
     def with_parameters(self, **values: Any) -> "PhysicsModel":

@@ -1,9 +1,9 @@
 r"""Outputs that repeat the expression of a rate, as that of an accelerometer does.
 
-An output :math:`y = \sum_i c_i \dot x_i + r` is told from its terms: all terms of a rate, times one
-factor of parameters and numbers, are among them. Only accelerations are told from a factor: the
-voltage at the resistor of a high-pass, u - x, is proportional to the rate (u - x)/T, and yet it does
-not show a leak of the capacitor.
+An output :math:`y = \sum_i c_i \dot x_i + r` is told from its terms: all terms of a rate, times
+one factor of parameters and numbers, are among them. Only accelerations may have a factor: the
+voltage at the resistor of a high-pass, u - x, is proportional to the rate (u - x)/T, and yet it
+does not show a leak of the capacitor.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ wrong. They are no part of the catalogue: where the records show one, it is trie
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import ClassVar
 
@@ -17,6 +17,8 @@ from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.repeated_rates import with_rates
 
 #: powers of two and ten that counters, converters and prefixes put between two numbers
 POWERS = (*(2.0**n for n in range(8, 17)), 100.0, 1e3, 1e6)
@@ -167,7 +169,7 @@ class ReversedTerm(Wiring):
         """Turn the term's sign."""
         rate = self.target.rsplit(_IN, 1)[1]
         turned = expanded(model.equations[rate]) - 2 * _terms(model, rate)[self.target]
-        return {"equations": {**model.equations, rate: turned}}
+        return with_rates(model, {rate: turned})
 
 
 def _terms(model: PhysicsModel, rate: str) -> dict[str, sympy.Expr]:
@@ -428,7 +430,13 @@ class OtherClock(Wiring):
         second = _number(CLOCKS[self.target])
         rates = {s: second * e.subs(TIME, second * TIME) for s, e in model.equations.items()}
         outputs = {s: e.subs(TIME, second * TIME) for s, e in model.outputs.items()}
-        return {"equations": rates, "outputs": outputs}
+        ports = {n: self._paced(port, second) for n, port in model.kept_ports.items()}
+        return {"equations": rates, "outputs": outputs, "ports": ports}
+
+    def _paced(self, port: Port, second: sympy.Expr) -> Port:
+        """Return a port at the pace of the file's time."""
+        later = port.replaced(lambda each: each.subs(TIME, second * TIME))
+        return replace(later, rates={s: second * b for s, b in later.rates.items()})
 
     def lines(self, model: PhysicsModel) -> str:
         """Return the column of the time with its unit."""
