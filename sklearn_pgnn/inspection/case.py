@@ -1,5 +1,6 @@
 """A named cause together with the records: the data from which its evidence is computed."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,8 +12,10 @@ from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.port import Port
 from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -70,6 +73,26 @@ class Case:
         """Return the measured rate of a state minus that of the model without the cause."""
         samples = self.samples
         return samples.rate(state) - samples.mean(self.without.equations[state])
+
+    def shows(self, port: Port) -> bool:
+        """Return whether the flow at a port can be taken from the records."""
+        flow = set(map(str, port.flow.free_symbols)) & set(self.full.states)
+        return flow <= self.seen
+
+    def missing_effort(self, port: Port) -> np.ndarray:
+        """Return the effort at a port that would make up for the missing rate of its flow."""
+        missing = missing_rate_of(port, self.full, self.missing_rate)
+        return missing * self.samples.value(port.inertia(self.full))
+
+
+def missing_rate_of(
+    port: Port, model: PhysicsModel, of_state: Callable[[str], np.ndarray]
+) -> np.ndarray:
+    """Return the missing rate of a port's flow, from those of its states."""
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    slopes = {s: port.flow.diff(symbol(s)).xreplace(values) for s in model.states}
+    parts = [float(slope) * of_state(s) for s, slope in slopes.items() if slope != 0]
+    return np.sum(parts, axis=0)
 
 
 def model_with_all(diagnosis) -> PhysicsModel:

@@ -102,6 +102,16 @@ class Port:
         energy = self._energy(model, effort)
         return {"equations": rates, "outputs": outputs, "energy": energy}
 
+    def inertia(self, model: PhysicsModel) -> sympy.Expr:
+        """Return the inertia that an effort moves, as the model writes it where it does."""
+        if set(self.rates) == {self.name}:
+            return model.inertia.get(self.name, 1 / self.mobility)
+        return 1 / self.mobility
+
+    def against(self, model: PhysicsModel) -> str:
+        """Return where an effort resists, in words: a port may have the name of its flow."""
+        return f"against {self.name}" if self.name in model.states else f"at the {self.name}"
+
     def is_power(self, model: PhysicsModel) -> bool:
         """Return whether effort times flow is known to be a power, not a change of a rate."""
         return dict(self.rates) != {self.name: 1} or self.name in model.inertia

@@ -31,17 +31,10 @@ def typical_inertia(target: str, model: PhysicsModel, scales: Scales) -> float:
     >>> typical_inertia("omega", robot, Scales({}, {}, {}, 0.01, 1.0))
     0.1445
     """
-    inertia = _inertia(model, target)
+    inertia = model.port(target).inertia(model) if target in model.ports else sympy.Integer(1)
     known = dict(scales.typical) | {name: p.value for name, p in model.parameters.items()}
     known[str(TIME)] = 0.0
     return abs(float(inertia.subs({s: known.get(str(s), 1.0) for s in inertia.free_symbols})))
-
-
-def _inertia(model: PhysicsModel, target: str) -> sympy.Expr:
-    port = model.port(target)
-    if set(port.rates) == {target}:
-        return model.inertia.get(target, 1 / port.rates[target])
-    return 1 / port.mobility
 
 
 class _OneIfUnknown(dict):

@@ -173,14 +173,9 @@ class LoadFriction(SpeedEffect):
         """Return whether the target may have dry friction."""
         return target in super().targets(model)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Replace the load's symbol by the driving force, and subtract the friction."""
-        changes = super().rewrite(model, p)
-        load = {LOAD: _drive(model, self.target)}
-        return {
-            part: {name: expression.xreplace(load) for name, expression in items.items()}
-            for part, items in changes.items()
-        }
+    def effort(self, model: PhysicsModel) -> sympy.Expr:
+        """Return the friction, with the driving force in the place of the load's symbol."""
+        return super().effort(model).xreplace({LOAD: _drive(model, self.target)})
 
     def force(
         self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]

@@ -65,6 +65,11 @@ class RateEffect(Effect):
         """Return the resisting force as an expression of velocity and position."""
         raise NotImplementedError
 
+    def effort(self, model: PhysicsModel) -> sympy.Expr:
+        """Return the resisting force at the port of a model, with the names of its parameters."""
+        port, p = model.port(self.target), {k: symbol(name) for k, name in self.names().items()}
+        return self.force(port.flow, port.displacement, p)
+
     def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the energy the force stores, zero for a dissipative one."""
         return sympy.Integer(0)
@@ -72,7 +77,7 @@ class RateEffect(Effect):
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Let the force act at the port, against its flow."""
         port = model.port(self.target)
-        changes = port.act(model, self.force(port.flow, port.displacement, p))
+        changes = port.act(model, self.effort(model))
         if model.energy and port.is_power(model):
             potential = self.potential(port.displacement, p)
             if potential != 0:
@@ -98,11 +103,6 @@ def is_moving(model: PhysicsModel, port: Port) -> bool:
     """Return whether the flow of a port is a velocity, or a difference of velocities."""
     states = map(str, port.flow.free_symbols)
     return all(is_velocity(model, state) for state in states if state in model.states)
-
-
-def unit_of_force(model, target: str) -> str:
-    """Return the unit of a force on a velocity; without an inertia, that of its rate."""
-    return model.port(target).unit
 
 
 def worded_for(model, target: str, text: str) -> str:
