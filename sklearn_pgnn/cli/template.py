@@ -7,8 +7,10 @@ import click
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.output import write_file
 from sklearn_pgnn.cli.systems import make_system
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import write_model
+from sklearn_pgnn.physics.places import column
 from sklearn_pgnn.trajectories.files import open_file
 
 HEAD = """\
@@ -35,6 +37,7 @@ COMMENTS = {
 OPTIONAL = {
     "initial_state": "where a record without initial states starts; zero by default",
     "columns": "column name of a quantity in the files, where it differs from its name",
+    "ports": "names for places: the effort that acts there, and its velocity, level or temperature",
     "delays": "for an input that acts late, the parameter of its delay: uncomment that above, too",
     "simulation": "hold: zoh or foh (inputs held, or linearly interpolated); substeps; method",
 }
@@ -80,7 +83,7 @@ def commented(
     lines += ["", "# Optional parts: uncomment those you need."]
     examples = _examples(model, columns)
     for part, what in OPTIONAL.items():
-        if part not in model.to_dict():
+        if part not in model.to_dict() and examples[part]:
             lines += [f"# {part}: {examples[part]}  # {what}"]
     return "\n".join(lines) + "\n"
 
@@ -92,9 +95,19 @@ def _examples(model: PhysicsModel, columns: Mapping[str, str] | None) -> dict[st
     return {
         "initial_state": f"{{{state}: 0.5}}",
         "columns": f"{{{', '.join(f'{name}: {near}' for name, near in columns.items())}}}",
+        "ports": _port(model),
         "delays": f"{{{driven}: {_delay(model)}}}",
         "simulation": "{hold: foh, substeps: 4}",
     }
+
+
+def _port(model: PhysicsModel) -> str:
+    """Return an example of a port: the first input that enters a rate linearly, and its state."""
+    for name in model.inputs:
+        for state, slope in column(model, name).items():
+            if symbol(name) not in slope.free_symbols:
+                return f"{{drive: {{effort: {name}, flow: {state}}}}}"
+    return ""
 
 
 def _delay(model: PhysicsModel) -> str:

@@ -17,12 +17,13 @@ from sklearn_pgnn.physics.found_ports import found_ports
 from sklearn_pgnn.physics.model_parts import as_expression, as_mapping, as_text, check_keys
 from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import check_name
-from sklearn_pgnn.physics.port import Port
-from sklearn_pgnn.physics.repeated_rates import shown_rates
+from sklearn_pgnn.physics.port import Port, PortName
+from sklearn_pgnn.physics.repeated_rates import repeated_rates, shown_rates
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
 
+_SHOWN = ("equations", "outputs")
 _KEYS = ("effort", "flow", "displacement", "rates", "outputs", "unit")
 
 
@@ -40,7 +41,12 @@ class Ports(Mapping[str, Port]):
     @cached_property
     def _all(self) -> dict[str, Port]:
         found = found_ports(self._model, self.declared.values())
-        return {name: self._seen(port) for name, port in {**self.declared, **found}.items()}
+        named = {self._called(name): port for name, port in self.declared.items()}
+        return {name: self._seen(port) for name, port in {**named, **found}.items()}
+
+    def _called(self, name: str) -> str:
+        """Return a name as that of a place, unless it is that of the flow."""
+        return name if name in self._model.states else PortName(name)
 
     def _seen(self, port: Port) -> Port:
         """Return a port with its coefficients in outputs that repeat a rate."""
@@ -54,8 +60,8 @@ class Ports(Mapping[str, Port]):
     @property
     def kept(self) -> dict[str, Port]:
         """What a model keeps that is made from this one: ports that it could not find again."""
-        several = {n: replace(p, outputs={}) for n, p in self._all.items() if len(p.rates) > 1}
-        return {**several, **self.declared}
+        several = [port for port in self._all.values() if len(port.rates) > 1]
+        return {**{each.name: replace(each, outputs={}) for each in several}, **self.declared}
 
     def __getitem__(self, name: str) -> Port:
         return self._all[name]
@@ -148,7 +154,8 @@ def read_ports(
 ) -> dict[str, Port]:
     """Return the ports of a model, from its parts that still have the names of the efforts."""
     reader = _PortReader(parts, names, efforts)
-    return {name: reader.read(name, given) for name, given in declared.items()}
+    plain = {str(name): given for name, given in declared.items()}
+    return {name: reader.read(name, given) for name, given in plain.items()}
 
 
 @dataclass(frozen=True)
@@ -177,6 +184,7 @@ class _PortReader:
         displacement = self.displacement(name, flow, given)
         rates, outputs = self.taken(name, effort) if effort else self.told(name, given)
         unit = as_text(str(given.get("unit") or ""), ("ports", name))
+        unit = unit or self.parts["inputs"].get(effort, "")
         port = Port(name, flow, displacement, rates, outputs, unit)
         return port if unit else Port(name, flow, displacement, rates, outputs, self.unit(port))
 
@@ -232,7 +240,18 @@ class _PortReader:
                 f"the effort {effort!r} is in no equation",
                 f"write {effort} into the equations where it acts, or give the port's 'rates'",
             )
-        return found[0], found[1]
+        return found[0], {k: c for k, c in found[1].items() if c != self.shown(k, found[0])}
+
+    def shown(self, output: str, rates: Mapping[str, sympy.Expr]) -> sympy.Expr:
+        """Return the coefficient of an output that repeats rates as they are."""
+        factors = {s: c for s, c in self.repeated.get(output, {}).items() if abs(c) == 1}
+        return sympy.Add(*(c * rates.get(state, 0) for state, c in factors.items()))
+
+    @property
+    def repeated(self) -> dict[str, dict[str, sympy.Expr]]:
+        """Factors of the rates that outputs repeat, with the names of the efforts in both."""
+        constants = frozenset(map(symbol, self.parts["parameters"]))
+        return repeated_rates(*(tuple(self.parts[p].items()) for p in _SHOWN), constants)
 
     def slope(self, name: str, effort: str, key: str, expression: sympy.Expr) -> sympy.Expr:
         """Return the coefficient of an effort in an expression; it must be linear in it."""

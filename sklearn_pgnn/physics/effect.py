@@ -16,6 +16,7 @@ from sklearn_pgnn.physics.derived_units import tidy_unit
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.port import PortName
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.typical import typical_by_kind, typical_value
 from sklearn_pgnn.readings import reading
@@ -254,7 +255,9 @@ class Effect(ABC):
         >>> CoulombFriction.title("omega"), InputBias.title("torque")
         ('Coulomb friction on omega', 'input bias of torque')
         """
-        return cls.phrase.format(effect=cls.id.replace("_", " "), target=target)
+        at = " at the {target}" if isinstance(target, PortName) else " on {target}"
+        phrase = cls.phrase.replace(" on {target}", at)
+        return phrase.format(effect=cls.id.replace("_", " "), target=target)
 
     @classmethod
     def size_field(cls) -> str:

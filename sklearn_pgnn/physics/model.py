@@ -251,6 +251,11 @@ class PhysicsModel:
         return self.ports[name]
 
     @property
+    def declared_ports(self) -> dict[str, Port]:
+        """Ports that the model declares."""
+        return declared_in(self.ports)
+
+    @property
     def kept_ports(self) -> dict[str, Port]:
         """Ports that a model made from this one keeps, since it could not find them again."""
         return self.ports.kept  # type: ignore[attr-defined]
@@ -286,7 +291,7 @@ class PhysicsModel:
     def _expressions(self) -> tuple[sympy.Expr, ...]:
         """Every expression of the model."""
         parts = (expression for part in EXPRESSIONS for expression in getattr(self, part).values())
-        ports = self.ports.declared.values()  # type: ignore[attr-defined]
+        ports = self.declared_ports.values()
         return (*parts, *(expression for port in ports for expression in port.expressions()))
 
     @property
@@ -498,7 +503,7 @@ class PhysicsModel:
             "settled": dict(self.settled),
             "columns": dict(self.columns),
             "simulation": dict(self.simulation),
-            "ports": {name: port.parts() for name, port in declared_in(self.ports).items()},
+            "ports": {name: port.parts() for name, port in self.declared_ports.items()},
         }
         return {key: part for key, part in parts.items() if part}
 
@@ -600,7 +605,7 @@ class PhysicsModel:
         if not self._external:
             return self._parts()
         called = {part: dict(getattr(self, part)) for part in EXPRESSIONS}
-        return self._parts() | called | {"ports": declared_in(self.ports)}
+        return self._parts() | called | {"ports": self.declared_ports}
 
     def __setstate__(self, state):
         self.__init__(**state)

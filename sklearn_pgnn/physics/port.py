@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
 
 
+class PortName(str):
+    """The name that people give to a place: something acts at the elbow, but on a velocity v."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True)
 class Port:
     r"""A place where something can act: an effort, and the flow conjugate to it.

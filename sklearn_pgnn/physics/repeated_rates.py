@@ -8,7 +8,8 @@ does not show a leak of the capacitor.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from sklearn_pgnn.physics.found_ports import is_velocity
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.port import Port
 
 #: names and expressions
 Items = tuple[tuple[str, sympy.Expr], ...]
@@ -55,6 +57,33 @@ def with_rates(model: PhysicsModel, rates: Mapping[str, sympy.Expr]) -> dict[str
             whole = outputs[output] == old
             outputs[output] = new if whole else outputs[output] + factors[state] * (new - old)
     return {"equations": {**model.equations, **rates}, "outputs": outputs}
+
+
+def with_output(
+    model: PhysicsModel, output: str, change: Callable[[sympy.Expr], sympy.Expr]
+) -> dict[str, Any]:
+    """Return the changes of a model by an output that is shown otherwise, by ports as well.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> brake = PhysicsModel({"w": "rad/s"}, {"w": "-T/J"}, {"J": 2.0}, outputs={"torque": "T"},
+    ...                      ports={"disc": {"effort": "T", "flow": "w"}})
+    >>> with_output(brake, "torque", lambda shown: 3 * shown)["ports"]["disc"].outputs
+    {'torque': 3}
+    """
+    y = symbol("_y")
+    slope, ports = change(y).diff(y), model.kept_ports
+    if not slope.has(y):
+        ports = {name: _scaled(port, output, slope) for name, port in ports.items()}
+    return {"outputs": {**model.outputs, output: change(model.outputs[output])}, "ports": ports}
+
+
+def _scaled(port: Port, output: str, slope: sympy.Expr) -> Port:
+    """Return a port with the coefficient of one output multiplied."""
+    return replace(
+        port, outputs={n: c * slope if n == output else c for n, c in port.outputs.items()}
+    )
 
 
 @lru_cache(maxsize=256)

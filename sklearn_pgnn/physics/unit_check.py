@@ -8,6 +8,7 @@ import sympy
 from sklearn_pgnn.physics.expressions import TIME, to_text
 from sklearn_pgnn.physics.external import External
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port
 from sklearn_pgnn.physics.units import is_like, no_unit, product, read_unit, unit_text
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
         check.ask(f"outputs.{output}", shown, None)
     for part, expression in model.energy.items():
         check.ask(f"energy.{part}", expression, None)
+    for name, port in model.declared_ports.items():
+        check.ask_power(f"ports.{name}", port)
     for name, delay in model.delays.items():
         check.ask(f"delays.{name}", sympy.Symbol(delay, real=True), read_unit("s"))
     return tuple(dict.fromkeys(check.said))
@@ -111,6 +114,17 @@ class _Check:
         else:
             self.compare(where, expression, expected)
             self.ask_inside(where, expression)
+
+    def ask_power(self, where: str, port: Port) -> None:
+        """Record an effort that makes no power with its flow; a heat flow is one already."""
+        effort, flow, power = read_unit(port.unit), self.measure(port.flow), read_unit("W")
+        if not port.unit or effort is None or flow is None or is_like(effort, power):
+            return
+        if not is_like(effort * flow, power):
+            self.said.append(
+                f"{where}: the effort in {port.unit} times the flow {_short(port.flow)} in "
+                f"{unit_text(flow)} is no power."
+            )
 
     def ask_terms(self, where, expression, expected) -> None:
         """Check every term of a sum or a bound; by default against what most of them measure."""

@@ -14,6 +14,7 @@ from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
 from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.repeated_rates import with_output
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
@@ -40,9 +41,7 @@ class OutputEffect(Effect):
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the output."""
-        outputs = dict(model.outputs)
-        outputs[self.target] = self.shown(outputs[self.target], p)
-        return {"outputs": outputs}
+        return with_output(model, self.target, lambda true: self.shown(true, p))
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the error of the sensor over the true output."""

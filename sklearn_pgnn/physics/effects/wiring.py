@@ -18,7 +18,7 @@ from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port
-from sklearn_pgnn.physics.repeated_rates import with_rates
+from sklearn_pgnn.physics.repeated_rates import with_output, with_rates
 
 #: powers of two and ten that counters, converters and prefixes put between two numbers
 POWERS = (*(2.0**n for n in range(8, 17)), 100.0, 1e3, 1e6)
@@ -132,7 +132,7 @@ class ReversedOutput(Wiring):
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the output by its negative."""
-        return {"outputs": {**model.outputs, self.target: -model.outputs[self.target]}}
+        return with_output(model, self.target, lambda shown: -shown)
 
 
 @dataclass(frozen=True)
@@ -242,8 +242,12 @@ class ExchangedOutputs(Wiring):
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Exchange what the two show."""
         one, other = self.target.split(_AND)
-        shown = model.outputs
-        return {"outputs": {**shown, one: shown[other], other: shown[one]}}
+        shown, names = model.outputs, {one: other, other: one}
+        ports = {
+            name: replace(port, outputs={names.get(n, n): c for n, c in port.outputs.items()})
+            for name, port in model.kept_ports.items()
+        }
+        return {"outputs": {**shown, one: shown[other], other: shown[one]}, "ports": ports}
 
 
 def _pairs(model: PhysicsModel, names) -> Iterator[str]:
@@ -393,8 +397,7 @@ class OutputFactor(Factor):
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Multiply the output by the factor."""
-        shown = _number(self.factor) * model.outputs[self.quantity]
-        return {"outputs": {**model.outputs, self.quantity: shown}}
+        return with_output(model, self.quantity, lambda shown: _number(self.factor) * shown)
 
 
 @dataclass(frozen=True)
