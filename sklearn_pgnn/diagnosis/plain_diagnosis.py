@@ -3,6 +3,7 @@
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.plain_data import finite, plain
 from sklearn_pgnn.experiment_design.separation import plain_separation
+from sklearn_pgnn.physics.effects import find_effect
 
 
 def plain_diagnosis(diagnosis) -> dict:
@@ -46,6 +47,7 @@ def _plain_cause(cause: NamedCause) -> dict:
     return {
         "effect": cause.effect,
         "target": cause.target,
+        "name": find_effect(cause.effect).title(cause.target),
         "parameters": {name: plain(found) for name, found in cause.parameters.items()},
         "gain_percent": cause.gain,
         "probability": cause.probability,
