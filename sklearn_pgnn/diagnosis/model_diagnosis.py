@@ -103,7 +103,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     catalogue : sequence of type[Effect] or str, optional
         Effects to consider, or their ids; by default `sklearn_pgnn.effects.CATALOGUE`.
     targets : sequence of str, optional
-        States, inputs, outputs and parameters that may be targets; by default all.
+        Ports, states, inputs, outputs and parameters that may be targets; by default all.
     max_causes : int, default=4
         Largest number of causes named.
     window_length : float, optional

@@ -74,14 +74,16 @@ def _of_inputs(model: PhysicsModel, known: list[dict[str, sympy.Expr]]) -> dict[
     """Return the ports of inputs that enter the rates of several velocities.
 
     A force acts at the one velocity that it always drives forward. Where no coefficient depends on
-    a state, the input may as well act between two masses: then the port must be declared.
+    a state, the input may as well act between two masses, and so it does where it moves no more
+    than the velocity's own inertia: then the port must be declared.
     """
     found: dict[str, Port] = {}
     twice = set()
     for name, unit in model.inputs.items():
         column = _column(model, name)
         driven = "" if column in known else _driven(model, column)
-        if driven and _is_effort(unit, model.unit(driven)):
+        alone = driven in model.inertia and column[driven] == 1 / model.inertia[driven]
+        if driven and not alone and _is_effort(unit, model.unit(driven)):
             twice |= {driven} & set(found)
             found[driven] = _port(model, driven, column, unit)
     return {state: port for state, port in found.items() if state not in twice}
