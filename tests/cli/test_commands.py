@@ -55,7 +55,7 @@ def test_a_template_is_the_model_of_a_ready_system_with_comments(tmp_path, like)
 def test_the_optional_parts_of_a_template_can_be_taken_in(tmp_path):
     path = tmp_path / "mine.yaml"
     run("init", path)
-    parts = ("columns", "delays", "initial_state", "simulation")
+    parts = ("channels", "columns", "delays", "initial_state", "simulation")
     text = path.read_text()
     for part in (*parts, "tau_force"):
         text = text.replace(f"# {part}:", f"{part}:")
@@ -156,6 +156,21 @@ def test_a_check_says_what_is_converted_and_which_term_does_not_fit(files):
     said = run("simulate", *given(files), "--output", files / "s.csv").stderr
     assert "Warning: " in said
     assert "the term -d*v" in said
+
+
+def test_a_check_says_what_is_assumed_of_the_channels(files):
+    of_none = (
+        "Assumed of the channels: of F, speed nothing is known, and every fault is considered."
+    )
+    assert of_none in " ".join(run("check", *given(files)).stdout.split())
+    path = files / "cart.yaml"
+    path.write_text(path.read_text() + "channels: {speed: tachometer}\n")
+    said = " ".join(run("check", *given(files)).stdout.split())
+    assert "Assumed of the channels: speed is read by a tachometer; of F nothing is known" in said
+    seen = json.loads(run("check", *given(files), "--json").stdout)["quantities"]
+    assert {q["name"]: q["channel"] for q in seen} == {"F": "", "speed": "tachometer"}
+    path.write_text(path.read_text().replace("tachometer", "tacho"))
+    assert "got 'tacho'. Remedy: write tachometer." in run("check", *given(files), code=2).stderr
 
 
 def test_a_check_opens_every_file_once(files, monkeypatch):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from sklearn_pgnn.physics.channel_kinds import is_measured
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import force_unit, rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
@@ -125,17 +126,25 @@ def unit_of_force(model, target: str) -> str:
     return force_unit(model.unit_of(inertia), velocity)
 
 
-def worded_for(model, target: str, text: str) -> str:
-    """Return a text about a force on a velocity; about a torque where the velocity turns.
+def worded_for(model: PhysicsModel, effect: Effect) -> tuple[str, str]:
+    """Return an effect's summary and check: of a torque where it turns, of a reading of an input.
 
     Examples
     --------
     >>> from sklearn_pgnn.physics.systems import golf_robot
-    >>> worded_for(golf_robot(), "omega", "Force: the force falls.")
-    'Torque: the torque falls.'
+    >>> worded_for(golf_robot(), ConstantLoad("omega"))[0][:42]
+    'A torque of constant size and direction: w'
     """
-    turns = target in model.inertia and unit_of_force(model, target).endswith("N m")
-    return text.replace("force", "torque").replace("Force", "Torque") if turns else text
+    told = effect.of_reading if is_measured(model, effect.target) else ()
+    summary, check = told or (effect.summary, effect.check)
+    velocity = effect.target in model.inertia
+    if velocity and unit_of_force(model, effect.target).endswith("N m"):
+        return _of_torque(summary), _of_torque(check)
+    return summary, check
+
+
+def _of_torque(text: str) -> str:
+    return text.replace("force", "torque").replace("Force", "Torque")
 
 
 def _over_common_inertia(rate, force, inertia):
