@@ -2,6 +2,7 @@
 
 from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder
+from sklearn_pgnn.diagnosis.outside import is_stand_in
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -30,18 +31,27 @@ def not_refuted(
     return found
 
 
-def likelier(final: FittedHypothesis, near: InPlace) -> list[FittedHypothesis]:
+def likelier(
+    fitter: HypothesisFitter, final: FittedHypothesis, near: InPlace
+) -> list[FittedHypothesis]:
     """Return those that are likelier than the accepted hypothesis, the likeliest first.
 
-    Of two that held-out records do not tell apart, the one that fits all records better is.
+    Of two that held-out records do not tell apart, an effect of the plant comes before one of a
+    sensor or of time, and of two of a kind the one that fits all records better.
     """
-
-    def fits_better(trial: FittedHypothesis) -> bool:
-        is_simple = trial.hypothesis.complexity <= final.hypothesis.complexity
-        return is_simple and is_clearly_less(trial.fit.objective, final.fit.objective)
-
-    better = [(t, v) for t, v in near if v < 0.0 or (v == 0.0 and fits_better(t))]
+    better = [(t, v) for t, v in near if v < 0.0 or (v == 0.0 and _is_first(fitter, t, final))]
     return [trial for trial, _ in sorted(better, key=lambda one: (one[1], one[0].fit.objective))]
+
+
+def _is_first(fitter: HypothesisFitter, trial: FittedHypothesis, final: FittedHypothesis) -> bool:
+    """Return whether a hypothesis that the records do not separate from another comes first."""
+    (cause,), (other,) = own_causes(trial, final), own_causes(final, trial)
+    model = fitter.models.extend(final.hypothesis.without(cause))
+    mine, its = is_stand_in(model, cause), is_stand_in(model, other)
+    if mine != its:
+        return mine
+    is_simple = trial.hypothesis.complexity <= final.hypothesis.complexity
+    return is_simple and is_clearly_less(trial.fit.objective, final.fit.objective)
 
 
 def find_rivals(

@@ -293,7 +293,9 @@ class Search:
             final, search = self.current, (self.compare, self.ladder)
             causes = final.hypothesis.causes
             near = {cause: not_refuted(*search, final, cause) for cause in causes}
-            better = (trial for others in near.values() for trial in likelier(final, others))
+            better = (
+                trial for others in near.values() for trial in likelier(self.fitter, final, others)
+            )
             named = (self._named_in_place(final, trial, tried) for trial in better)
             exchanged = next((trial for trial in named if trial is not None), None)
             exchanged = exchanged or self._without_the_improbable(final, near)
