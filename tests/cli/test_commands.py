@@ -244,10 +244,10 @@ def test_a_fit_that_diverges_in_free_run_is_said_so(files, monkeypatch):
 def test_a_fit_that_ends_at_a_bound_says_so(files):
     text = (files / "cart.yaml").read_text()
     out = files / "fitted.yaml"
-    assert "bound" not in run("fit", *given(files), "--output", out, "--quiet").stdout
+    assert "bound" not in run("fit", *given(files), "--output", out, "--quiet").output
     text = text.replace("value: 0.5", "value: 0.2, bounds: [0.1, 0.3]")
     (files / "cart.yaml").write_text(text)
-    said = run("fit", *given(files), "--output", out, "--quiet", "--force").stdout
+    said = run("fit", *given(files), "--output", out, "--quiet", "--force").stderr
     assert "d ended at a bound (0.1 to 0.3): the records want a value beyond it. Remedy: " in said
 
 
