@@ -8,6 +8,8 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clear
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, count_parameters, resemble
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.effects.wiring import ReversedTerm
 
 #: hypotheses with another candidate in a cause's place, and how surely the cause is likelier
 InPlace = list[tuple[FittedHypothesis, float]]
@@ -19,16 +21,30 @@ def not_refuted(
     """Return the hypotheses that may replace the accepted one, by another candidate for a cause.
 
     A candidate with more parameters is no rival: the simpler of two is preferred. Nor is one that
-    the free run contradicts, being worse than that of the re-tuned prior or of the cause.
+    the free run contradicts, being worse than that of the re-tuned prior or of the cause; nor what
+    says the same of the sign of a term.
     """
     found = []
     for trial in ladder.in_place(final, cause):
         (other,) = own_causes(final, trial)
+        if _says_the_same(ladder.fitter, cause, other):
+            continue
         simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
         stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
         if simple and stands and not compare.refutes(final, trial):
             found.append((trial, compare.separation(trial, final)))
     return found
+
+
+def _says_the_same(fitter: HypothesisFitter, cause: Effect, other: Effect) -> bool:
+    """Return whether one cause is the sign of a term, and the other its parameter's."""
+    pairs = ((cause, other), (other, cause))
+    return any(
+        isinstance(one, ReversedTerm)
+        and isinstance(value, WrongParameter)
+        and one.is_sign_of(fitter.problem.prior, value.target)
+        for one, value in pairs
+    )
 
 
 def likelier(
