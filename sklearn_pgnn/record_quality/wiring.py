@@ -257,8 +257,9 @@ class _Trials:
 
 
 def _freedoms(model: PhysicsModel, near: bool) -> tuple[ParameterPrior, ...]:
-    """Let every free parameter vary within its spread, or by a factor, though rather little."""
-    return tuple(_freedom(model, name, near) for name in model.free_parameters)
+    """Let what is free and acts vary within its spread, or by a factor, though rather little."""
+    idle = {*model.unused_parameters}
+    return tuple(_freedom(model, n, near) for n in model.free_parameters if n not in idle)
 
 
 def _freedom(model: PhysicsModel, name: str, near: bool) -> ParameterPrior:

@@ -20,6 +20,7 @@ from sklearn_pgnn.physics.effects.wiring import (
     ReversedTerm,
 )
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.record_quality import wiring as wiring_module
 from sklearn_pgnn.record_quality.wiring import find_wiring
 from sklearn_pgnn.trajectories import read_records
 
@@ -113,6 +114,13 @@ def test_another_unit_of_time_is_found(unit, second):
     found = find_wiring(CART, read_records(CART, np.c_[t / second, u], y))
     assert found.wirings[0] == OtherClock(unit)
     assert found.wirings[0].lines(CART) == f'columns: {{t: "t [{unit}]"}}'
+
+
+def test_what_acts_on_nothing_is_not_fitted():
+    """Thousands of constants that no equation uses cost a check nothing."""
+    more = {f"p{i}": 1.0 for i in range(50)}
+    model = MOTOR.replace(parameters={**MOTOR.parameters, **more})
+    assert [each.name for each in wiring_module._freedoms(model, True)] == ["kv", "ka"]
 
 
 def test_counts_are_told_by_the_turn():
