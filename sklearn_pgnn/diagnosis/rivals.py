@@ -8,8 +8,8 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clear
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, count_parameters, resemble
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.effects.wiring import ReversedTerm
+from sklearn_pgnn.physics.model import PhysicsModel
 
 #: hypotheses with another candidate in a cause's place, and how surely the cause is likelier
 InPlace = list[tuple[FittedHypothesis, float]]
@@ -27,7 +27,7 @@ def not_refuted(
     found = []
     for trial in ladder.in_place(final, cause):
         (other,) = own_causes(final, trial)
-        if _says_the_same(ladder.fitter, cause, other):
+        if _says_the_same(ladder.fitter.problem.prior, cause, other):
             continue
         simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
         stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
@@ -36,15 +36,10 @@ def not_refuted(
     return found
 
 
-def _says_the_same(fitter: HypothesisFitter, cause: Effect, other: Effect) -> bool:
-    """Return whether one cause is the sign of a term, and the other its parameter's."""
+def _says_the_same(model: PhysicsModel, cause: Effect, other: Effect) -> bool:
+    """Return whether one of two causes is the sign of a term, and the other its parameter's."""
     pairs = ((cause, other), (other, cause))
-    return any(
-        isinstance(one, ReversedTerm)
-        and isinstance(value, WrongParameter)
-        and one.is_sign_of(fitter.problem.prior, value.target)
-        for one, value in pairs
-    )
+    return any(isinstance(a, ReversedTerm) and a.is_sign_of(model, b) for a, b in pairs)
 
 
 def likelier(

@@ -199,24 +199,23 @@ class ReversedTerm(Wiring):
         turned = expanded(model.equations[rate]) - 2 * _terms(model, rate)[self.target]
         return {"equations": {**model.equations, rate: turned}}
 
-    def is_sign_of(self, model: PhysicsModel, name: str) -> bool:
-        """Return whether it is the same as the other sign of a parameter.
+    def is_sign_of(self, model: PhysicsModel, other: Effect) -> bool:
+        """Return whether another effect frees a parameter whose other sign is the term's.
 
         Examples
         --------
+        >>> from sklearn_pgnn.effects import WrongParameter
         >>> rates = {"x": "v", "v": "(k*x - v)/m"}
         >>> spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {"k": 9.0, "m": 1.0})
-        >>> [ReversedTerm("k*x/m in v").is_sign_of(spring, name) for name in ("k", "m")]
+        >>> [ReversedTerm("k*x/m in v").is_sign_of(spring, WrongParameter(name)) for name in "km"]
         [True, False]
         """
-        parts = ("equations", "outputs")
-        turned, p = self.apply(model), symbol(name)
-        pairs = ((getattr(model, part), getattr(turned, part)) for part in parts)
-        return all(
-            expanded(each.subs(p, -p) - other[key]) == 0
-            for of, other in pairs
-            for key, each in of.items()
-        )
+        if other.parameters(model) or other.target not in model.parameters:
+            return False
+        turned, p = self.apply(model), symbol(other.target)
+        pairs = [(each, turned.equations[s]) for s, each in model.equations.items()]
+        pairs += [(each, turned.outputs[name]) for name, each in model.outputs.items()]
+        return all(expanded(each.subs(p, -p) - now) == 0 for each, now in pairs)
 
 
 def _terms(model: PhysicsModel, rate: str) -> dict[str, sympy.Expr]:
