@@ -12,6 +12,7 @@ from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
 from sklearn_pgnn.trajectories.several_files import read_each
@@ -111,6 +112,7 @@ def _print_quantities(console, checked) -> None:
     print_table(console, rows)
     for name, (given, wanted) in checked.converted.items():
         say(console, f"Converted: {name} from {given} to {wanted}.")
+    say(console, f"Assumed of the channels: {in_words(checked.look.model)}.")
     if checked.unused:
         say(console, f"Not used: {', '.join(checked.unused)}.")
 

@@ -107,5 +107,6 @@ def check_candidates(model: PhysicsModel, effects, targets) -> None:
         on = f"on {', '.join(targets)} " if targets else ""
         raise OptionError(
             f"--catalogue, --exclude, --targets: expected at least one candidate to remain, but "
-            f"{ids} cannot act {on}in the model {model.name!r}."
+            f"{ids} cannot act {on}in the model {model.name!r}"
+            f"{', by what its channels are' if model.channels else ''}."
         )

@@ -7,6 +7,7 @@ import click
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.output import write_file
 from sklearn_pgnn.cli.systems import make_system
+from sklearn_pgnn.physics.channel_kinds import COMMANDED, usual_kind
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import write_model
@@ -38,6 +39,8 @@ OPTIONAL = {
     "initial_state": "where a record without initial states starts; zero by default",
     "columns": "column name of a quantity in the files, where it differs from its name",
     "ports": "names for places: the effort that acts there, and its velocity, level or temperature",
+    "channels": "commanded or measured, or the sensor: encoder, tachometer, thermocouple, ...; a "
+    "diagnosis leaves out faults that it cannot have",
     "delays": "for an input that acts late, the parameter of its delay: uncomment that above, too",
     "simulation": "hold: zoh or foh (inputs held, or linearly interpolated); substeps; method",
 }
@@ -96,6 +99,7 @@ def _examples(model: PhysicsModel, columns: Mapping[str, str] | None) -> dict[st
         "initial_state": f"{{{state}: 0.5}}",
         "columns": f"{{{', '.join(f'{name}: {near}' for name, near in columns.items())}}}",
         "ports": _port(model),
+        "channels": _channels(model),
         "delays": f"{{{driven}: {_delay(model)}}}",
         "simulation": "{hold: foh, substeps: 4}",
     }
@@ -108,6 +112,13 @@ def _port(model: PhysicsModel) -> str:
             if symbol(name) not in slope.free_symbols:
                 return f"{{drive: {{effort: {name}, flow: {state}}}}}"
     return ""
+
+
+def _channels(model: PhysicsModel) -> str:
+    """Return what the channels usually are, as far as names and units tell; else an example."""
+    told = {name: usual_kind(model, name) for name in (*model.inputs, *model.outputs)}
+    said = [f"{name}: {kind}" for name, kind in told.items() if kind]
+    return f"{{{', '.join(said) or f'{next(iter(told))}: {COMMANDED}'}}}"
 
 
 def _delay(model: PhysicsModel) -> str:

@@ -7,9 +7,10 @@ and what is left of the squares beyond the noise, :math:`L`, it is credited with
 .. math:: P(\text{outside}) \ge \frac{L}{E + L}.
 
 A sensor that bends, or a parameter that drifts, is a description that suits many laws of the plant.
-Where a law of the plant without a name explains as much, the two are equally likely:
-:math:`P(\text{outside}) \ge 1/2`. A law that is learned from the other records misses up to half of
-what it would explain if it were known (dry friction, a dead zone), so half counts as much.
+Where an effect of the plant does as well, it comes first. Where a law of the plant without a name
+explains as much, the two are equally likely: :math:`P(\text{outside}) \ge 1/2`. A law learned from
+the other records misses up to half of what it would explain if it were known (dry friction, a dead
+zone), so half counts as much.
 """
 
 from collections.abc import Iterable
@@ -76,9 +77,21 @@ def other_places(prior: PhysicsModel, model: PhysicsModel, cause: Effect) -> tup
     >>> other_places(cart, cart, effects.CoulombFriction("v"))
     ()
     """
+    plant = {*prior.states, *prior.ports, *prior.inputs} if is_stand_in(model, cause) else ()
+    return tuple(name for name in places_of(prior) if name in plant)
+
+
+def is_stand_in(model: PhysicsModel, cause: Effect) -> bool:
+    """Return whether a cause of a sensor or of time may stand in for a law of the plant.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import effects, systems
+    >>> cart = systems.cart_on_spring()
+    >>> [is_stand_in(cart, e) for e in (effects.SensorBias("position"), effects.InputBias("force"))]
+    [True, False]
+    """
     extended = model + cause
     changed = [name for name, rate in model.equations.items() if rate != extended.equations[name]]
     is_timed = any(TIME in extended.equations[name].free_symbols for name in changed)
-    is_sensor = not changed and model.outputs != extended.outputs
-    plant = {*prior.states, *prior.ports, *prior.inputs} if is_sensor or is_timed else ()
-    return tuple(name for name in places_of(prior) if name in plant)
+    return is_timed or (not changed and model.outputs != extended.outputs)

@@ -50,6 +50,8 @@ IN_RECORD = "time in the record"
 RIDGE = 1e-3
 #: features of a law without lags, and with all of them
 STATIC, ALL = slice(0, 0), slice(None)
+#: samples: some, or all
+Rows = np.ndarray | slice
 
 
 @dataclass(frozen=True)
@@ -176,15 +178,15 @@ class _Signals:
         now = np.column_stack([signals, *([begun] * timed), np.ones(begun.size)])
         return cls(names, now, before, times, group, of_samples)
 
-    def columns(self, lags: slice, shuffled: int = -1) -> np.ndarray:
+    def columns(self, lags: slice, rows: Rows = ALL, shuffled: int = -1) -> np.ndarray:
         """Return the features of a law with some of the lags, those of one quantity shuffled."""
         before = self.before[lags]
-        features = np.hstack([self.now, *before])
+        features = np.hstack([self.now[rows], *before[:, rows]])
         if shuffled >= 0:
             of_lags = np.tile(np.arange(self.before.shape[2]), len(before))
             own = np.concatenate([np.arange(len(self.names) + 1), of_lags]) == shuffled
-            order = np.random.default_rng(0).permutation(len(features))
-            features[:, own] = features[order][:, own]
+            order = np.random.default_rng(0).permutation(len(self.now))
+            features[:, own] = self.columns(lags, order[rows])[:, own]
         return features
 
 
@@ -302,8 +304,8 @@ class _Place:
         """Return the hidden input that a law predicts of the groups it was not learned on."""
         predicted = np.zeros(self.d.size)
         for fold in law:
-            features = self.signals.columns(fold.lags, shuffled)
-            predicted[fold.inside] = fold.predict(features[fold.inside])
+            features = self.signals.columns(fold.lags, fold.inside, shuffled)
+            predicted[fold.inside] = fold.predict(features)
         return predicted
 
     def _responses(self, inputs: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from itertools import takewhile
 
 from sklearn_pgnn.estimation.same_in_equations import already_holds, same_parameter
 from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.channel_kinds import can_have
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -44,9 +45,10 @@ def _is_candidate(model: PhysicsModel, effect: Effect) -> bool:
 def _effects_on(
     model: PhysicsModel, catalogue: Iterable[type[Effect]], targets: Collection[str] | None
 ) -> Iterator[Effect]:
-    """Yield the effects of a catalogue on the targets that are considered."""
+    """Yield the effects of a catalogue on the targets that are considered, and can have them."""
     effects = (kind(target) for kind in catalogue for target in kind.targets(model))
-    return (effect for effect in effects if targets is None or effect.target in targets)
+    asked = (effect for effect in effects if targets is None or effect.target in targets)
+    return (effect for effect in asked if can_have(model, effect))
 
 
 def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:

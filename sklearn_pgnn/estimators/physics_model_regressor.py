@@ -22,6 +22,7 @@ from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.usual_start import free_run_error, with_usual_start
 from sklearn_pgnn.exceptions import FitWarning, OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.spread_ends import at_bounds
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns
 from sklearn_pgnn.simulation.intervals import (
@@ -555,7 +556,7 @@ def _range(name: str, found: Estimate) -> str:
 
 
 def _warn_of_ends(freedoms, model) -> None:
-    """Warn of parameters that ended at a limit of their spread."""
+    """Warn of parameters that ended at a limit of their spread, or at a bound."""
     values = {each.name: model.parameters[each.name].value for each in freedoms}
     ends = [
         each.name
@@ -567,5 +568,14 @@ def _warn_of_ends(freedoms, model) -> None:
             f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger spread "
             f"in the model, or within_spread=False; if they compensate for missing physics, "
             f"ModelDiagnosis(model) looks for it.",
+            FitWarning,
+        )
+    fitted = {each.name for each in freedoms} - {*ends}
+    for name in (name for name in at_bounds(model) if name in fitted):
+        low, high = model.parameters[name].bounds
+        warn_user(
+            f"{name} ended at a bound ({low:g} to {high:g}): the records want a value beyond it. "
+            f"Remedy: widen the bounds, if the machine may be so; else the model lacks something, "
+            f"and ModelDiagnosis(model) looks for it.",
             FitWarning,
         )

@@ -121,11 +121,6 @@ def left_alone(diagnosis) -> list[LeftAlone]:
     ]
 
 
-def leaves_much(diagnosis) -> bool:
-    """Return whether the residuals of any output over windows exceed twice its noise."""
-    return diagnosis.remaining_.is_much
-
-
 def retuning_counts(diagnosis) -> bool:
     """Return whether re-tuning alone removes a share of the error that is worth mentioning."""
     errors = together(diagnosis)

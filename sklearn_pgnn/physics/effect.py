@@ -103,6 +103,10 @@ class Effect(ABC):
     summary: ClassVar[str] = ""
     #: one sentence for the reader of a report: how to check the effect on the rig
     check: ClassVar[str] = ""
+    #: which fault of an actuator or a sensor it is, see `channel_kinds`; empty for one of the plant
+    fault: ClassVar[str] = ""
+    #: summary and check where the input that it acts on is measured
+    of_reading: ClassVar[tuple[str, ...]] = ()
     #: ids of effects that are a special case of this one
     generalises: ClassVar[tuple[str, ...]] = ()
     #: ids of effects that cannot be combined with this one

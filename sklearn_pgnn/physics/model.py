@@ -15,6 +15,7 @@ import sympy
 
 from sklearn_pgnn.annotations import ArrayLike, FilePath
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.channel_kinds import check_channels
 from sklearn_pgnn.physics.declared_ports import Ports, declared_in, read_let, read_ports
 from sklearn_pgnn.physics.expressions import (
     RATE,
@@ -87,6 +88,10 @@ class PhysicsModel:
     columns : mapping of str to str, default={}
         Column name of a quantity (also of ``t`` and ``trajectory``) in a table, where it is not the
         quantity's own name.
+    channels : mapping of str to str, default={}
+        What is known of an input (``"commanded"`` or ``"measured"``) or of the sensor of an output
+        (``"encoder"``, ``"thermocouple"`` and others, see :ref:`channels`): a diagnosis looks only
+        for faults that it can have. By default for all.
     simulation : mapping, default={}
         How the model is to be simulated: ``hold`` (``"zoh"`` or ``"foh"``, whether inputs are
         held or linearly interpolated between samples), ``substeps``, the number of integration
@@ -130,6 +135,7 @@ class PhysicsModel:
     initial_state: Mapping[str, float] = field(default_factory=dict)
     settled: Mapping[str, str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
+    channels: Mapping[str, str] = field(default_factory=dict)
     simulation: Mapping[str, Any] = field(default_factory=dict)
     let: Mapping[str, Any] = field(default_factory=dict)
     ports: Mapping[str, Any] = field(default_factory=dict)
@@ -157,6 +163,7 @@ class PhysicsModel:
         check_columns(self.columns, states, inputs, outputs)
         declared = declared_in(self.ports)
         efforts = read_let(self.let, declared, names, inputs)
+        check_channels(self.channels, inputs, outputs)
 
         def expressions(part, items, let=efforts.let):
             return MappingProxyType(
@@ -184,6 +191,7 @@ class PhysicsModel:
             ),
             "settled": MappingProxyType(dict(self.settled or {})),
             "columns": MappingProxyType(dict(self.columns or {})),
+            "channels": MappingProxyType(dict(self.channels or {})),
             "simulation": MappingProxyType(as_simulation(self.simulation or {})),
         }
         ports = read_ports(declared, values, names, efforts)
@@ -502,6 +510,7 @@ class PhysicsModel:
             "initial_state": {s: v for s, v in self.initial_state.items() if v},
             "settled": dict(self.settled),
             "columns": dict(self.columns),
+            "channels": dict(self.channels),
             "simulation": dict(self.simulation),
             "ports": {name: port.parts() for name, port in self.declared_ports.items()},
         }

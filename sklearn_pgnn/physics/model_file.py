@@ -372,6 +372,7 @@ _SECTIONS = {
     "initial_state": _Reader.numbers,
     "settled": _Reader.texts,
     "columns": _Reader.texts,
+    "channels": _Reader.texts,
     "simulation": _Reader.simulation,
     "let": _Reader.texts,
     "ports": _Reader.ports,

@@ -22,18 +22,7 @@ import numpy as np
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
 from sklearn_pgnn.exceptions import RecordError
-from sklearn_pgnn.physics.effects.wiring import (
-    ExchangedInputs,
-    ExchangedOutputs,
-    Factor,
-    InputFactor,
-    OtherClock,
-    OutputFactor,
-    ReversedInput,
-    ReversedOutput,
-    ReversedTerm,
-    Wiring,
-)
+from sklearn_pgnn.physics.effects.wiring import WIRINGS, Factor, OutputFactor, Wiring
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
@@ -58,17 +47,6 @@ SAMPLES = 3000
 STEPS, TOLERANCE = 12, 1e-3
 #: factors that are tried lie so near to that between the spreads of records and simulation
 NEAR = 5.0
-#: kinds in the order in which they are named where several explain the records alike
-KINDS: tuple[type[Wiring], ...] = (
-    ReversedOutput,
-    ReversedInput,
-    ExchangedOutputs,
-    ExchangedInputs,
-    OutputFactor,
-    InputFactor,
-    OtherClock,
-    ReversedTerm,
-)
 
 
 @dataclass(frozen=True)
@@ -146,10 +124,10 @@ def _alike(model: PhysicsModel, told: "dict[Wiring, _Fit]") -> list[Wiring]:
 
 def _wirings(trials: "_Trials") -> Iterator[Wiring]:
     """Yield the wirings that are tried: of the factors only those that may be."""
-    for kind in KINDS:
+    for kind in WIRINGS:
         for target in kind.targets(trials.model):
             wiring = kind(target)
-            if not isinstance(wiring, OutputFactor | InputFactor) or trials.may_be(wiring):
+            if not isinstance(wiring, Factor) or trials.may_be(wiring):
                 yield wiring
 
 
@@ -216,13 +194,12 @@ class _Trials:
         clearly = (self.before > CLEARLY * errors).any()
         return bool(clearly and (errors < np.maximum(WORSE * self.given, FOLLOWS)).all())
 
-    def may_be(self, factor: OutputFactor | InputFactor) -> bool:
+    def may_be(self, factor: Factor) -> bool:
         """Return whether the spreads of records and simulation may differ by a factor."""
         known = self._scales[np.isfinite(self._scales)]
         if isinstance(factor, OutputFactor):
             known = self._scales[[list(self.model.outputs).index(factor.quantity)]]
-        size = factor.factor if isinstance(factor, OutputFactor) else 1 / factor.factor
-        off = np.abs(np.log(np.maximum(known, 1e-300) / size))
+        off = np.abs(np.log(np.maximum(known, 1e-300) / factor.of_output))
         return not known.size or bool((~(off > np.log(NEAR))).any())
 
     @cached_property
@@ -280,8 +257,9 @@ class _Trials:
 
 
 def _freedoms(model: PhysicsModel, near: bool) -> tuple[ParameterPrior, ...]:
-    """Let every free parameter vary within its spread, or by a factor, though rather little."""
-    return tuple(_freedom(model, name, near) for name in model.free_parameters)
+    """Let what is free and acts vary within its spread, or by a factor, though rather little."""
+    idle = {*model.unused_parameters}
+    return tuple(_freedom(model, n, near) for n in model.free_parameters if n not in idle)
 
 
 def _freedom(model: PhysicsModel, name: str, near: bool) -> ParameterPrior:

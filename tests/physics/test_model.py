@@ -328,8 +328,8 @@ def test_an_error_knows_its_entry():
         (
             {"states": {"x": ""}, "equations": {"x": "0"}, "color": "red"},
             "unknown key 'color'; expected one of states, equations, parameters, inputs, outputs, "
-            "name, inertia, energy, delays, initial_state, settled, columns, simulation, let, "
-            "ports.",
+            "name, inertia, energy, delays, initial_state, settled, columns, channels, simulation, "
+            "let, ports.",
         ),
     ],
 )

@@ -55,6 +55,7 @@ def _cause(diagnosis, cause) -> dict:
             for field, e in cause.parameters.items()
         ],
         "probability": chance(cause.probability),
+        "outside": chance(cause.outside),
         "tested": cause.tested,
         "separations": [
             separation_sentence(found) for found in diagnosis.separations_ if found.cause == mine
@@ -69,6 +70,6 @@ def _member(diagnosis, member: Member) -> dict:
         "probability": chance(member.probability),
         "sizes": listed(size.strip() for size in sizes),
         "left": times(member.left),
-        "check": worded_for(diagnosis.model, member.effect.target, member.effect.check),
+        "check": worded_for(diagnosis.model, member.effect)[1],
         "file": file_of(member.model),
     }

@@ -6,7 +6,7 @@ from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.words import UNNAMED, place_name
-from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
+from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
 
@@ -57,7 +57,7 @@ def verdict_line(diagnosis) -> str:
 
 def leaves_more(diagnosis) -> bool:
     """Return whether physics is missing beside the causes."""
-    return diagnosis.remaining_.kind == "structure" or leaves_much(diagnosis)
+    return diagnosis.remaining_.kind == "structure" or diagnosis.remaining_.is_much
 
 
 def cause_with_size(cause) -> str:

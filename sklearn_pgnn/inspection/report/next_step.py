@@ -71,10 +71,8 @@ def _separate(diagnosis) -> str:
 def _checks(diagnosis, cause) -> str:
     """Return how a cause and its rivals are checked on the rig."""
     known, model = known_effects(diagnosis), diagnosis.model
-    theirs = (
-        worded_for(model, rival.target, known[rival.effect].check) for rival in cause.confused_with
-    )
-    every = (cause.check, *theirs)
+    others = (known[rival.effect](rival.target) for rival in cause.confused_with)
+    every = (cause.check, *(worded_for(model, other)[1] for other in others))
     return " ".join(dict.fromkeys(check for check in every if check))
 
 

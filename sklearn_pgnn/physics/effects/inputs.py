@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from sklearn_pgnn.physics.channel_kinds import ACTUATOR
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, same_name, symbol
@@ -25,6 +26,7 @@ class InputEffect(Effect):
     """An input that is replaced by an expression of it, wherever the model uses it."""
 
     phrase = "{effect} of {target}"
+    fault = ACTUATOR
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -69,6 +71,11 @@ class InputBias(InputEffect):
 
     bias: float = quantity("bu", "{target}")
     id = "input_bias"
+    fault = "bias"
+    of_reading = (
+        "The reading has a constant offset: the zero is set incorrectly.",
+        "Compare the reading with a second instrument at one known value.",
+    )
     summary = "The actuator output has a constant offset from its command."
     check = "Command zero and measure the actuator output."
 
@@ -101,6 +108,11 @@ class InputGain(InputEffect):
 
     error: float = quantity("gu", "", low=-0.95)
     id = "input_gain"
+    fault = "gain"
+    of_reading = (
+        "The scale of the sensor is off: amplifier gain, shunt, conversion.",
+        "Compare the reading with a second instrument at two known values.",
+    )
     summary = "The actuator output differs from its command by a constant factor."
     check = (
         "Command two values and compare the difference of the outputs with that of the commands."
@@ -246,6 +258,7 @@ class Delay(Effect):
     """A delayed signal, by a delay of at most half a window."""
 
     phrase = "{effect} of {target}"
+    fault = "delay"
 
     delay: float = quantity("tau", "s", low=0.0)
 
@@ -281,6 +294,11 @@ class InputDelay(Delay):
 
     id = "input_delay"
     resembles = MappingProxyType({"actuator_lag": ("delay", "time_constant")})
+    of_reading = (
+        "The machine meets what is read later: transport from the sensor to the machine, or clocks "
+        "that differ.",
+        "Change the quantity at once and compare the reading with the machine's first answer.",
+    )
     summary = "The command acts after a delay: bus, sampling, transport of material."
     check = "Step the command and measure the time until anything moves at all."
 
@@ -303,6 +321,7 @@ class ActuatorEffect(Effect):
     """An input that acts on the machine through a state of the actuator."""
 
     phrase = "{effect} of {target}"
+    fault = ACTUATOR
     #: suffix to the input's name in the name of the state
     ending = ""
 

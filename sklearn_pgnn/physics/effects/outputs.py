@@ -67,6 +67,7 @@ class SensorBias(OutputEffect):
 
     bias: float = quantity("by", "{target}")
     id = "sensor_bias"
+    fault = "bias"
     summary = "The reading has a constant offset: the zero is set incorrectly."
     check = "Bring the machine to a known position and read the sensor."
 
@@ -99,6 +100,7 @@ class SensorGain(OutputEffect):
 
     error: float = quantity("gy", "", low=-0.95)
     id = "sensor_gain"
+    fault = "gain"
     summary = "The sensor's scale is off: counts per turn, amplifier gain, lever length."
     check = "Move between two known positions and compare the reading's difference."
 
@@ -134,6 +136,7 @@ class SensorCurvature(OutputEffect):
 
     curvature: float = quantity("cy", "{per_target}")
     id = "sensor_curvature"
+    fault = "curvature"
     summary = (
         "The sensor's characteristic is curved: a float on an arm, a thermistor, a worn "
         "potentiometer."
@@ -189,6 +192,7 @@ class SensorSaturation(OutputEffect):
     upper: float = quantity("yu", "{target}", default=1e9, role="end")
     lower: float = quantity("yl", "{target}", default=-1e9, role="end")
     id = "sensor_saturation"
+    fault = "range"
     summary = "The signal exceeds the sensor's range: the reading is clipped."
     check = "Look for stretches in which the reading stays at one extreme value."
 
@@ -228,6 +232,7 @@ class SensorRectification(OutputEffect):
     """
 
     id = "sensor_rectification"
+    fault = "magnitude"
     summary = "The sensor shows the magnitude without the sign: a pulse counter, a rectifier."
     check = "Run the machine backward: the reading does not change its sign."
 

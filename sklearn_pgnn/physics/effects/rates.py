@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from sklearn_pgnn.physics.channel_kinds import is_measured
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
@@ -105,17 +106,24 @@ def is_moving(model: PhysicsModel, port: Port) -> bool:
     return all(is_velocity(model, state) for state in states if state in model.states)
 
 
-def worded_for(model, target: str, text: str) -> str:
-    """Return a text about a force on a velocity; about a torque where the velocity turns.
+def worded_for(model: PhysicsModel, effect: Effect) -> tuple[str, str]:
+    """Return an effect's summary and check: of a torque where it turns, of a reading of an input.
 
     Examples
     --------
     >>> from sklearn_pgnn.physics.systems import golf_robot
-    >>> worded_for(golf_robot(), "omega", "Force: the force falls.")
-    'Torque: the torque falls.'
+    >>> worded_for(golf_robot(), ConstantLoad("omega"))[0][:42]
+    'A torque of constant size and direction: w'
     """
-    turns = target in model.ports and model.port(target).unit.endswith("N m")
-    return text.replace("force", "torque").replace("Force", "Torque") if turns else text
+    told = effect.of_reading if is_measured(model, effect.target) else ()
+    summary, check = told or (effect.summary, effect.check)
+    if effect.target in model.ports and model.port(effect.target).unit.endswith("N m"):
+        return _of_torque(summary), _of_torque(check)
+    return summary, check
+
+
+def _of_torque(text: str) -> str:
+    return text.replace("force", "torque").replace("Force", "Torque")
 
 
 @dataclass(frozen=True)
