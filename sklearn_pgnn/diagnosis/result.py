@@ -236,7 +236,9 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
                     Rival(other.id, other.target, float(chance))
                     for (other, _), chance in zip(rivals, theirs, strict=True)
                 ),
-                summary=worded_for(fitter.problem.prior, cause.target, cause.summary),
+                summary=worded_for(
+                    fitter.problem.prior, cause.target, cause.summarise(result.final.fit.model)
+                ),
                 check=worded_for(fitter.problem.prior, cause.target, cause.check),
                 probability=float(mine),
                 tested=result.complete,

@@ -256,6 +256,10 @@ class Effect(ABC):
         """
         return cls.phrase.format(effect=cls.id.replace("_", " "), target=target)
 
+    def summarise(self, model: PhysicsModel) -> str:
+        """Return one sentence on what the effect is, given the extended model; see `summary`."""
+        return self.summary
+
     @classmethod
     def size_field(cls) -> str:
         """Return the field for the strength of the effect: the first that is not a shape.
