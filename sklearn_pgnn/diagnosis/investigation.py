@@ -27,7 +27,7 @@ from sklearn_pgnn.estimation.problem import (
     with_substeps,
 )
 from sklearn_pgnn.estimation.progress import Progress
-from sklearn_pgnn.estimation.record_differences import find_group, mark
+from sklearn_pgnn.estimation.record_differences import find_group, mark, n_groups
 from sklearn_pgnn.estimation.stretches import is_long, on_stretches
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect
@@ -130,6 +130,7 @@ class Investigation:
     whole: EstimationProblem | None = None
     wiring: Rewired | None = None
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    n_compared: int = 0
 
     def run(self, hold: str, is_told: bool) -> Findings:
         """Search with one hold of the inputs, and with the other if the records support it."""
@@ -254,7 +255,8 @@ class Investigation:
     def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
         """Search the catalogue, and search a formula for what it does not explain."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
-        criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
+        count = max(len(self.candidates), self.n_compared)
+        criterion = SelectionCriterion(self.alpha, self.smallest_share, count)
         asked = _Structures(fitter, criterion)
         self.progress.begin("candidates")
         formulas = FormulaSelection()
@@ -350,24 +352,24 @@ class Investigation:
         if not found.search.compare.leaves_what_may_depend(found.result.final):
             return
         self.progress.begin("differences between records")
-        groups = [
-            find_group(fitter.problem, t.fit) for t in (found.result.final, found.result.base)
-        ]
-        if groups[0] is None or groups[0].share < share:
+        fits = (found.result.final.fit, found.result.base.fit)
+        groups = [group for fit in fits if (group := find_group(fitter.problem, fit))]
+        if not groups or groups[0].share < share:
             return
-        for group in dict.fromkeys(group.records for group in groups if group is not None):
+        for group in {group[:2]: group for group in groups}.values():
             marked = mark(self.model, self.records, group)
             wider = replace(
                 self,
                 model=marked.model,
                 records=marked.records,
                 candidates=(*marked.candidates, *self.candidates),
+                n_compared=self.n_compared + len(marked.candidates) * n_groups(fitter.problem),
             )
             again = wider._search(wider._fitter(fitter.problem.windows.hold))
             causes = again.result.final.hypothesis.causes
             if again.result.complete and set(marked.candidates) & set(causes):
                 vars(self).update(vars(wider), searched=again)
-                self.groups[marked.column] = tuple(self.records[r].name for r in group)
+                self.groups[marked.column] = tuple(self.records[r].name for r in group.records)
                 return self._try_differences(again)
 
     def _try_slopes(self, held: Findings) -> Findings:

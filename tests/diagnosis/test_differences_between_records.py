@@ -46,6 +46,20 @@ def records(seed, change, others, n_records=6, rig=CART):
     return pd.concat(tables, ignore_index=True), np.concatenate(measured)
 
 
+def with_onset(seed, change, since, record=1, n_records=3):
+    """Return records of which one is of a machine that changes at some time."""
+    before, y = records(seed, {}, (), n_records)
+    rows = np.flatnonzero(before["trajectory"] == f"run_{record}")
+    t, F = before["t"].to_numpy()[rows], before["F"].to_numpy()[rows]
+    k = int(np.searchsorted(t, since))
+    first = CART.with_parameters(m=2.0, d=1.6, k=50.0).simulate(t[: k + 1], F[: k + 1], substeps=4)
+    later = CART.with_parameters(**{"m": 2.0, "d": 1.6, "k": 50.0, **change})
+    rest = later.simulate(t[k:] - t[k], F[k:], first.x[-1], substeps=4)
+    noise = NOISE * np.random.default_rng(seed).normal(size=t.size)
+    y[rows] = np.r_[first.y[:-1, 0], rest.y[:, 0]] + noise
+    return before, y
+
+
 def named(diagnosis):
     return [(cause.effect, cause.target) for cause in diagnosis.causes_]
 
@@ -80,6 +94,23 @@ def test_another_zero_is_found_though_a_constant_force_may_act_in_its_place():
     diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
     assert named(diagnosis) == [("sensor_bias_difference", "x_m(in_run_2__run_3)")]
     assert diagnosis.verdict_ == "ambiguous"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("change", "since"), [({"k": 44.0}, 5.1), ({"d": 2.4}, 3.3)])
+def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
+    X, y = with_onset(31, change, since)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    ((effect, target),) = named(diagnosis)
+    ((name, value),) = change.items()
+    what, column = target.rstrip(")").split("(")
+    assert (effect, what) == ("parameter_difference", name)
+    onset = float(column.split("__since_")[1].replace("p", "."))
+    assert onset == pytest.approx(since, abs=0.03 * 8.0)
+    assert diagnosis.causes_[0].summary.endswith(f"in run_1 since {onset:g} s.")
+    usual = {"d": 1.6, "k": 50.0}[name]
+    estimate = diagnosis.causes_[0].parameters["difference"]
+    assert estimate.value == pytest.approx(value - usual, rel=0.05)
 
 
 @pytest.mark.slow

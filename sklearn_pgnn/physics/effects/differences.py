@@ -21,30 +21,37 @@ if TYPE_CHECKING:
 IN = "in_"
 #: what stands between them
 AND = "__"
+#: and before the time from which on they differ
+SINCE = "__since_"
 #: share of its value that a parameter at least keeps where its bounds set no limit
 LEFT = 0.001
 
 
-def records_of(column: str) -> str:
-    """Return the records of a group's column as in a sentence.
+def where_of(column: str) -> str:
+    """Return the records of a group's column, and since when, as in a sentence.
 
     Examples
     --------
-    >>> records_of("in_run_2__run_4__run_6")
-    'run_2, run_4 and run_6'
+    >>> where_of("in_run_2__run_4__run_6"), where_of("in_run_2__since_12p5")
+    ('in run_2, run_4 and run_6', 'in run_2 since 12.5 s')
+    >>> where_of("in_all__since_60")
+    'since 60 s'
     """
-    *first, last = column.removeprefix(IN).split(AND)
-    return f"{', '.join(first)} and {last}" if first else last
+    records, _, onset = column.removeprefix(IN).partition(SINCE)
+    *first, last = records.split(AND)
+    where = f"in {', '.join(first)} and {last}" if first else f"in {last}"
+    since = f"since {onset.replace('p', '.')} s" if onset else ""
+    return since if since and records == "all" else f"{where} {since}".rstrip()
 
 
 @dataclass(frozen=True)
 class Difference(Effect):
-    """A quantity that is another in some records: those in which a column, an input, is one.
+    """A quantity that is another where a column, an input, is one: in some records, or later on.
 
     A diagnosis makes such a column where records differ; the model as given has none.
     """
 
-    check = "Look for what was different in these records: load, temperature, tool, wear, supply."
+    check = "Look for what was different there: load, temperature, tool, wear, supply, a leak."
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -66,7 +73,7 @@ class Difference(Effect):
     def title(cls, target: str) -> str:
         """Return what differs, and where."""
         what, column = parts(target)
-        return f"another {cls.phrase.format(target=what)} in {records_of(column)}"
+        return f"another {cls.phrase.format(target=what)} {where_of(column)}"
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return the unit of the quantity."""
@@ -102,7 +109,7 @@ class ParameterDifference(Difference):
     difference: float = quantity("diff", "{target}")
     id = "parameter_difference"
     phrase = "{target}"
-    summary = "This parameter has another value in some of the records."
+    summary = "This parameter has another value there."
 
     @classmethod
     def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -125,7 +132,7 @@ class ParameterDifference(Difference):
         usual = values[parameter].value
         there = usual + values[self.names()["difference"]].value
         said = [f"{value:.4g} {unit}".rstrip() for value in (usual, there)]
-        return f"{parameter} is {said[0]}, and {said[1]} in {records_of(column)}."
+        return f"{parameter} is {said[0]}, and {said[1]} {where_of(column)}."
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the difference to the parameter."""
@@ -162,7 +169,7 @@ class SensorBiasDifference(Difference):
     bias: float = quantity("diffb", "{target}")
     id = "sensor_bias_difference"
     phrase = "zero of {target}"
-    summary = "The sensor has another zero in some of the records."
+    summary = "The sensor has another zero there."
 
     @classmethod
     def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -196,7 +203,7 @@ class SensorGainDifference(Difference):
     error: float = quantity("diffg", "", low=-1.0)
     id = "sensor_gain_difference"
     phrase = "gain of {target}"
-    summary = "The sensor has another gain in some of the records."
+    summary = "The sensor has another gain there."
 
     @classmethod
     def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -230,7 +237,7 @@ class InputGainDifference(Difference):
     error: float = quantity("diffi", "", low=-1.0)
     id = "input_gain_difference"
     phrase = "gain of {target}"
-    summary = "The input acts with another gain in some of the records."
+    summary = "The input acts with another gain there."
 
     @classmethod
     def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
