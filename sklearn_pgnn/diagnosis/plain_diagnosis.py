@@ -24,6 +24,7 @@ def plain_diagnosis(diagnosis) -> dict:
         "verdict": diagnosis.verdict_,
         "data_quality": [plain(finding) for finding in diagnosis.data_quality_],
         "causes": [_plain_cause(cause) for cause in diagnosis.causes_],
+        "groups": {column: list(names) for column, names in diagnosis.groups_.items()},
         "separations": [plain_separation(found) for found in diagnosis.separations_],
         "parameters": {name: plain(p) for name, p in diagnosis.parameters_.items()},
         "gain": {name: plain(gain) for name, gain in diagnosis.gain_.items()},

@@ -234,7 +234,7 @@ def _named(search: Search, result: SearchResult, steps, errors) -> NamedCause:
         parameters=_estimates(fitter, result.final, cause, errors),
         gain=_gain_percent(*map(fitter.held_out, steps)),
         confused_with=tuple(Rival(other.id, other.target, p) for (other, _), p in others),
-        summary=summary,
+        summary=cause.summarise(result.final.fit.model) or summary,
         check=check,
         probability=mine,
         tested=result.complete,

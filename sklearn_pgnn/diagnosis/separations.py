@@ -7,6 +7,7 @@ from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.experiment_design.separation import Separation
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
 
 
@@ -42,7 +43,7 @@ def effect_named(named, catalogue: Sequence[type[Effect]]) -> Effect:
     True
     """
     effect, target = (named.effect, named.target) if hasattr(named, "effect") else named[:2]
-    for kind in (*catalogue, *WIRINGS):
+    for kind in (*catalogue, *WIRINGS, *DIFFERENCES):
         if effect in (kind, kind.id):
             return kind(target)
     raise ValueError(

@@ -11,6 +11,7 @@ from sklearn_pgnn.estimation.hypothesis import sensors_last
 from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -103,14 +104,14 @@ def model_with_all(diagnosis) -> PhysicsModel:
 
 def known_effects(diagnosis) -> dict:
     """Return the effects that a diagnosis may name, by id."""
-    kinds = (*CATALOGUE, *WIRINGS, *read_catalogue(diagnosis.catalogue))
+    kinds = (*CATALOGUE, *WIRINGS, *DIFFERENCES, *read_catalogue(diagnosis.catalogue))
     return {effect.id: effect for effect in kinds}
 
 
 def make_case(diagnosis, cause) -> Case:
     """Return a cause with all that was found, with and without it, and the records."""
     known, part = known_effects(diagnosis), diagnosis.discrepancy_
-    full, without = model_with_all(diagnosis), diagnosis.model
+    full, without = model_with_all(diagnosis), diagnosis.records_.problem.prior
     others = (
         known[other.effect](other.target) for other in diagnosis.causes_ if other is not cause
     )

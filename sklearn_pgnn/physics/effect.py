@@ -263,6 +263,10 @@ class Effect(ABC):
         phrase = cls.phrase.replace(" on {target}", at)
         return phrase.format(effect=cls.id.replace("_", " "), target=target)
 
+    def summarise(self, model: PhysicsModel) -> str:
+        """Return a sentence with the extended model's values, where that says more than `summary`."""
+        return ""
+
     @classmethod
     def size_field(cls) -> str:
         """Return the field for the strength of the effect: the first that is not a shape.
