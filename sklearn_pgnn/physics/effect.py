@@ -264,7 +264,7 @@ class Effect(ABC):
         return phrase.format(effect=cls.id.replace("_", " "), target=target)
 
     def summarise(self, model: PhysicsModel) -> str:
-        """Return a sentence with the extended model's values, where that says more than `summary`."""
+        """Return a sentence with the fitted values, where that says more than `summary`."""
         return ""
 
     @classmethod

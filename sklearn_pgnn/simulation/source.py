@@ -307,8 +307,8 @@ def _written(model: PhysicsModel, differentiated: bool) -> Source:
     # apart, for a step of what does not stick needs none of it
     shared, written = _straight_line(arguments, entries)
     further = _straight_line(arguments, by_signs, "d") if by_signs else ((), ())
-    lines, entries = tuple(dict.fromkeys((*shared, *further[0]))), (*written, *further[1])
-    return Source(lines, entries, dry.rows, len(f), len(g), n_parameters)
+    lines = tuple(dict.fromkeys((*shared, *further[0])))
+    return Source(lines, (*written, *further[1]), dry.rows, len(f), len(g), n_parameters)
 
 
 def _by_parameter(model, local, expression, name):
