@@ -58,10 +58,10 @@ def _cut_rate(case: Case, state: str) -> Evidence | None:
 
 def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
     """Return the missing force of a state's equation against the quantity it depends on."""
-    name, model = curve.of, case.full
-    if name not in model.ports or not case.shows(model.port(name)) or curve.over is None:
+    model, port = case.full, _port_of(case.full, curve.of)
+    if port is None or not case.shows(port) or curve.over is None:
         return None
-    port, (over, unit, x) = model.port(name), _abscissa(case, curve)
+    over, unit, x = _abscissa(case, curve)
     what = _what_is_missing(model, port)
     return Evidence(
         title=f"Missing {what} over {over}",
@@ -135,6 +135,14 @@ def _over_correction(case: Case, name: str, state: str) -> Evidence:
             f"value were right, all points would lie at zero."
         ),
     )
+
+
+def _port_of(model: PhysicsModel, name: str) -> Port | None:
+    """Return a port; for a position, which has none, that at which its rate changes."""
+    if name in model.states and name not in model.ports:
+        one, unit = sympy.Integer(1), rate_unit(model.unit(name))
+        return Port(name, symbol(name), None, {name: one}, {}, unit)
+    return model.ports.get(name)
 
 
 def _effort(case: Case, port: Port) -> sympy.Expr:
