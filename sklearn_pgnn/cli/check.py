@@ -30,22 +30,7 @@ class Checked(NamedTuple):
 
 
 def check_model(model, data, sample_time=None) -> Checked:
-    """Check a model file against files of records.
-
-    Parameters
-    ----------
-    model : str or path-like
-        The model file.
-    data : sequence of str or path-like
-        The files of records.
-    sample_time : float, optional
-        Sample interval [s] of files without a time.
-
-    Returns
-    -------
-    Checked
-        The content of the files, and a first simulation.
-    """
+    """Check a model file against files of records."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
         warnings.simplefilter("once", ModelWarning)

@@ -86,22 +86,7 @@ def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | Non
 
 
 def check_candidates(model: PhysicsModel, effects, targets) -> None:
-    """Refuse a choice of effects and targets that leaves no candidate.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    effects : sequence of type[Effect]
-        The chosen effects.
-    targets : list of str or None
-        The chosen targets.
-
-    Raises
-    ------
-    OptionError
-        If none of the effects can act on any of the targets.
-    """
+    """Refuse a choice of effects and targets that leaves no candidate."""
     if not is_possible(model, effects, targets):
         ids = ", ".join(effect.id for effect in effects)
         on = f"on {', '.join(targets)} " if targets else ""

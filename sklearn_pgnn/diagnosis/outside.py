@@ -48,9 +48,9 @@ def probability_outside(
         return 0.0
     removed = float((squares[0] - squares[1]).sum())
     doubt = _left(squares[1], fitter.white_squares(final), removed)
-    prior, model = fitter.problem.prior, without.fit.model
-    places = other_places(prior, model, cause)
-    if removed > 0.0 and all(other_places(prior, model, rival) for rival in rivals):
+    prior = fitter.problem.prior
+    places = other_places(prior, cause)
+    if removed > 0.0 and all(is_stand_in(prior, each) for each in (cause, *rivals)):
         explained = share_of_laws(fitter.problem, without, places, fitter.progress.tick)
         alike = explained * float(squares[0].sum()) >= LEARNED * removed
         doubt = max(doubt, OPEN if alike else 0.0)
@@ -63,7 +63,7 @@ def _left(squares: np.ndarray, white: np.ndarray, removed: float) -> float:
     return beyond / (beyond + max(removed, 0.0)) if beyond > 0.0 else 0.0
 
 
-def other_places(prior: PhysicsModel, model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
+def other_places(prior: PhysicsModel, cause: Effect) -> tuple[str, ...]:
     """Return the places of the plant where a law may act in the place of a sensor or of time.
 
     There is none for a cause that changes the rates as a function of states and inputs.
@@ -72,16 +72,16 @@ def other_places(prior: PhysicsModel, model: PhysicsModel, cause: Effect) -> tup
     --------
     >>> from sklearn_pgnn import effects, systems
     >>> cart = systems.cart_on_spring()
-    >>> other_places(cart, cart, effects.SensorCurvature("position"))
+    >>> other_places(cart, effects.SensorCurvature("position"))
     ('v',)
-    >>> other_places(cart, cart, effects.CoulombFriction("v"))
+    >>> other_places(cart, effects.CoulombFriction("v"))
     ()
     """
-    plant = {*prior.states, *prior.ports, *prior.inputs} if is_stand_in(model, cause) else ()
+    plant = {*prior.states, *prior.ports, *prior.inputs} if is_stand_in(prior, cause) else ()
     return tuple(name for name in places_of(prior) if name in plant)
 
 
-def is_stand_in(model: PhysicsModel, cause: Effect) -> bool:
+def is_stand_in(prior: PhysicsModel, cause: Effect) -> bool:
     """Return whether a cause of a sensor or of time may stand in for a law of the plant.
 
     Examples
@@ -91,7 +91,7 @@ def is_stand_in(model: PhysicsModel, cause: Effect) -> bool:
     >>> [is_stand_in(cart, e) for e in (effects.SensorBias("position"), effects.InputBias("force"))]
     [True, False]
     """
-    extended = model + cause
-    changed = [name for name, rate in model.equations.items() if rate != extended.equations[name]]
+    extended = prior + cause
+    changed = [name for name, rate in prior.equations.items() if rate != extended.equations[name]]
     is_timed = any(TIME in extended.equations[name].free_symbols for name in changed)
-    return is_timed or (not changed and model.outputs != extended.outputs)
+    return is_timed or (not changed and prior.outputs != extended.outputs)

@@ -7,18 +7,7 @@ from sklearn_pgnn.physics.effects import find_effect
 
 
 def plain_diagnosis(diagnosis) -> dict:
-    """Return a diagnosis as plain data; non-finite numbers are None.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    dict
-        See `sklearn_pgnn.ModelDiagnosis.to_dict`.
-    """
+    """Return a diagnosis as plain data; non-finite numbers are None."""
     unexplained = diagnosis.discrepancy_
     found = {
         "verdict": diagnosis.verdict_,

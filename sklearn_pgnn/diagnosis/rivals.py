@@ -57,8 +57,7 @@ def likelier(
 def _is_first(fitter: HypothesisFitter, trial: FittedHypothesis, final: FittedHypothesis) -> bool:
     """Return whether a hypothesis that the records do not separate from another comes first."""
     (cause,), (other,) = own_causes(trial, final), own_causes(final, trial)
-    model = fitter.models.extend(final.hypothesis.without(cause))
-    mine, its = is_stand_in(model, cause), is_stand_in(model, other)
+    mine, its = (is_stand_in(fitter.problem.prior, each) for each in (cause, other))
     if mine != its:
         return mine
     is_simple = trial.hypothesis.complexity <= final.hypothesis.complexity

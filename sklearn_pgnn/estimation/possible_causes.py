@@ -55,15 +55,6 @@ def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
     """Warn of effects that are no candidates because the model uses a name of theirs otherwise.
 
     A parameter of another unit is not the effect's own, where that is known.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    catalogue : iterable of type[Effect]
-        The effects to consider.
-    targets : collection of str, optional
-        Targets to consider; by default all.
     """
     for effect in _effects_on(model, catalogue, targets):
         for parameter in effect.parameters(model):
@@ -77,22 +68,7 @@ def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
 
 
 def check_targets(model: PhysicsModel, targets, catalogue: Iterable[type[Effect]] = ()) -> None:
-    """Refuse targets that a model does not have.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    targets : collection of str or None
-        The targets; None means all.
-    catalogue : iterable of type[Effect], default=()
-        Effects besides the package's; they may have targets of their own.
-
-    Raises
-    ------
-    OptionError
-        If they are a single text, or one is no state, input, output or parameter of the model.
-    """
+    """Refuse targets that a model does not have."""
     if isinstance(targets, str):
         raise OptionError(
             f"targets: expected a sequence of states, inputs, outputs and parameters of "

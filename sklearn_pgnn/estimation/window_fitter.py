@@ -91,26 +91,7 @@ class WindowFitter:
         x0: np.ndarray,
         **options,
     ) -> WindowFit:
-        """Fit a model; after a numerical failure return the placeholder for an unusable fit.
-
-        Parameters
-        ----------
-        tolerate : context manager
-            Suppresses the errors of numerical failures.
-        model, windows, free
-            See `fit_windows`.
-        start : Start
-            Expected initial states.
-        x0 : ndarray of shape (n_windows, n_states)
-            Starting values of the initial states.
-        **options
-            See `fit_windows`.
-
-        Returns
-        -------
-        WindowFit
-            The fit.
-        """
+        """Fit a model; after a numerical failure return the placeholder for an unusable fit."""
         with tolerate:
             return fit_windows(
                 model,

@@ -20,7 +20,7 @@ CART = PhysicsModel(
 
 def test_only_a_sensor_and_time_have_other_places_in_the_plant():
     places = {
-        cause: other_places(CART, CART, cause)
+        cause: other_places(CART, cause)
         for cause in (
             effects.SensorBias("speed", 0.1),
             effects.SensorCurvature("x", 0.1),

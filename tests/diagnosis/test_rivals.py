@@ -19,10 +19,7 @@ LIKE = effects.CoulombFriction("v")  # as many parameters
 DRAG = effects.QuadraticDrag("v")
 DEARER = effects.StribeckFriction("v")
 SAME = effects.InputBias("F")
-#: a fitter whose models are the sledge's, whatever the hypothesis
-FITTER = SimpleNamespace(
-    problem=SimpleNamespace(prior=SLEDGE), models=SimpleNamespace(extend=lambda rest: SLEDGE)
-)
+FITTER = SimpleNamespace(problem=SimpleNamespace(prior=SLEDGE))
 CRITERION = SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=20)
 
 

@@ -105,27 +105,7 @@ def _guess(table: FileTable, name: str, unit: str, shared: Sequence[str]) -> dic
 
 
 def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping):
-    """Read files as the X and y of a model, by a mapping of its quantities to their columns.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    files : sequence of mapping
-        Every ``file``, and its ``label`` for messages and for the name of the record.
-    mapping : mapping
-        ``column``, ``unit`` and ``kind`` by quantity; ``sample_time`` [s] if there is no time.
-
-    Returns
-    -------
-    X, y : DataFrame
-        Inputs and outputs in the model's units.
-
-    Raises
-    ------
-    RecordError
-        If a quantity has no column, or two have the same, or a file is not a valid record.
-    """
+    """Read files as the X and y of a model, by a mapping of its quantities to their columns."""
     sample_time = _sample_time(mapping)
     _check(model, mapping, sample_time)
     plain = model.replace(columns={})

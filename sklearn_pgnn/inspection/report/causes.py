@@ -13,20 +13,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
-    """Return what is shown of every cause.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    members : dict of int to list of Member
-        By the number of a cause, what may stand in its place; see `members_of`.
-
-    Returns
-    -------
-    list of dict
-        Plain text by the template's variable.
-    """
+    """Return what is shown of every cause."""
     worth = [part for part in parts_of_error(diagnosis) if part.kind == "cause"]
     return [
         {

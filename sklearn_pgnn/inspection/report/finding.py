@@ -12,35 +12,13 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def title(diagnosis) -> str:
-    """Return the finding in a line.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        The model's name, what was found, and how large it is.
-    """
+    """Return the finding in a line."""
     found, name = _FOUND[diagnosis.verdict_](diagnosis), diagnosis.model.name
     return found if name == PhysicsModel.name else f"{name}: {found}"
 
 
 def verdict_line(diagnosis) -> str:
-    """Return the verdict in few words, and what weakens it.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        As in "Cause named, but further error remains".
-    """
+    """Return the verdict in few words, and what weakens it."""
     said = VERDICTS[diagnosis.verdict_]
     if diagnosis.verdict_ == "nothing_found":
         said += "; more than noise is left"

@@ -14,18 +14,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def next_step(diagnosis) -> str:
-    """Return what to do next: model and records first, then what separates, then the rig.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        One or two sentences.
-    """
+    """Return what to do next: model and records first, then what separates, then the rig."""
     wider = spread_remedy(diagnosis)
     if diagnosis.verdict_ == "predicts_nothing":
         return f"{wider} {runaway_remedy(diagnosis)}".lstrip()

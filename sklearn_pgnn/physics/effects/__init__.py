@@ -202,21 +202,6 @@ def _kinds_of(kind: type) -> Iterator[type]:
 def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
     """Return the effects that a parameter ``catalogue`` stands for.
 
-    Parameters
-    ----------
-    catalogue : None or sequence of type[Effect] or str
-        Effects or their ids; None means all.
-
-    Returns
-    -------
-    tuple of type[Effect]
-        The effects.
-
-    Raises
-    ------
-    OptionError
-        If it is not a sequence, or an element is neither an effect nor the id of one.
-
     Examples
     --------
     >>> read_catalogue(["leak", Cogging]) == (Leak, Cogging)
