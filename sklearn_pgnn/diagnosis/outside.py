@@ -66,7 +66,8 @@ def _left(squares: np.ndarray, white: np.ndarray, removed: float) -> float:
 def other_places(prior: PhysicsModel, cause: Effect) -> tuple[str, ...]:
     """Return the places of the plant where a law may act in the place of a sensor or of time.
 
-    There is none for a cause that changes the rates as a function of states and inputs.
+    There is none for a cause that changes the rates as a function of states and inputs, nor for one
+    between an input and an output, as a branch of a cell is.
 
     Examples
     --------
@@ -94,4 +95,4 @@ def is_stand_in(prior: PhysicsModel, cause: Effect) -> bool:
     extended = prior + cause
     changed = [name for name, rate in prior.equations.items() if rate != extended.equations[name]]
     is_timed = any(TIME in extended.equations[name].free_symbols for name in changed)
-    return is_timed or (not changed and prior.outputs != extended.outputs)
+    return is_timed or (not changed and cause.target in prior.outputs)

@@ -5,7 +5,9 @@ from difflib import get_close_matches
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.curves import InputCurve, InputPower
 from sklearn_pgnn.physics.effects.dependences import ParameterSaturation, ParameterSlope
+from sklearn_pgnn.physics.effects.directions import CoefficientByDirection
 from sklearn_pgnn.physics.effects.fading import InputFading
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
@@ -37,6 +39,7 @@ from sklearn_pgnn.physics.effects.levels import (
     RateLimit,
     StateLimit,
 )
+from sklearn_pgnn.physics.effects.losses import PowerLoss, RadiationLoss
 from sklearn_pgnn.physics.effects.memory import HystereticSpring
 from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
@@ -44,6 +47,7 @@ from sklearn_pgnn.physics.effects.outputs import (
     SensorDelay,
     SensorEccentricity,
     SensorGain,
+    SensorLag,
     SensorRectification,
     SensorSaturation,
 )
@@ -56,6 +60,13 @@ from sklearn_pgnn.physics.effects.springs import (
     EndStop,
     LinearStiffness,
     QuadraticStiffness,
+)
+from sklearn_pgnn.physics.effects.stores import (
+    MaxwellBranch,
+    RelaxationBranch,
+    SecondStore,
+    StoreBetween,
+    TwoRelaxationBranches,
 )
 
 CATALOGUE: tuple[type[Effect], ...] = (
@@ -78,6 +89,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     ElasticJoint,
     JointPlay,
     SpringPlay,
+    MaxwellBranch,
     PeriodicDisturbance,
     RateLimit,
     StateLimit,
@@ -85,6 +97,10 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Leak,
     LeakToLevel,
     LeakToInput,
+    PowerLoss,
+    RadiationLoss,
+    SecondStore,
+    StoreBetween,
     InputBias,
     InputGain,
     InputDeadZone,
@@ -95,6 +111,8 @@ CATALOGUE: tuple[type[Effect], ...] = (
     ActuatorLag,
     InputRateLimit,
     InputBacklash,
+    InputPower,
+    InputCurve,
     SensorBias,
     SensorGain,
     SensorCurvature,
@@ -102,7 +120,11 @@ CATALOGUE: tuple[type[Effect], ...] = (
     SensorSaturation,
     SensorRectification,
     SensorDelay,
+    SensorLag,
+    RelaxationBranch,
+    TwoRelaxationBranches,
     WrongParameter,
+    CoefficientByDirection,
     ParameterDrift,
     ParameterSlope,
     ParameterSaturation,
@@ -129,6 +151,8 @@ FREQUENT: tuple[type[Effect], ...] = (
     AsymmetricFriction,
     LinearStiffness,
     InputBacklash,
+    SecondStore,
+    RelaxationBranch,
     SensorSaturation,
 )
 
