@@ -69,7 +69,7 @@ def test_an_encoder_neither_bends_nor_clips_and_a_thermocouple_has_a_sign():
 
 def test_every_effect_of_an_actuator_or_a_sensor_says_which_fault_it_is():
     for effect in effects.CATALOGUE:
-        of_sensor = issubclass(effect, OutputEffect)
+        of_sensor = issubclass(effect, OutputEffect | effects.SensorLag)
         of_channel = of_sensor or issubclass(effect, InputEffect | ActuatorEffect | Delay)
         known = OF_SENSORS if of_sensor else OF_SENSORS | {ACTUATOR}
         assert (effect.fault in known) if of_channel else not effect.fault, effect.id

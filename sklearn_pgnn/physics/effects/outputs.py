@@ -203,6 +203,7 @@ class SensorEccentricity(OutputEffect):
     sine: float = quantity("es", "{target}")
     cosine: float = quantity("ec", "{target}")
     id = "sensor_eccentricity"
+    fault = "eccentricity"
     phrase = "off-centre mounting of {target}"
     lacking = "lacks the"
     summary = "The error of the angle repeats with every turn: an encoder or a dial off centre."
@@ -344,6 +345,7 @@ class SensorLag(Effect):
 
     time_constant: float = quantity("Ty", "s", default=1.0, low=1e-9)
     id = "sensor_lag"
+    fault = "lag"
     phrase = "{effect} of {target}"
     summary = "The reading follows late: a thermometer in its pocket, a filter, a long tube."
     check = "Bring the sensor alone from one known value to another, and record its reading."
