@@ -79,8 +79,8 @@ class Effect(ABC):
     Parameters
     ----------
     target : str
-        The state, input, output or parameter the effect acts on; a pair such as ``"k(x)"`` if one
-        depends on the other.
+        The port, state, input, output or parameter the effect acts on; a pair such as ``"k(x)"``
+        if one depends on the other.
 
     Examples
     --------
@@ -276,8 +276,8 @@ class Effect(ABC):
         >>> CoulombFriction.title("omega"), InputBias.title("torque")
         ('Coulomb friction on omega', 'input bias of torque')
         """
-        at = " at the {target}" if isinstance(target, PortName) else " on {target}"
-        phrase = cls.phrase.replace(" on {target}", at)
+        named = isinstance(target, PortName)
+        phrase = re.sub(r" (on|at) (?={target})", " at the ", cls.phrase) if named else cls.phrase
         return phrase.format(effect=cls.id.replace("_", " "), target=target)
 
     def summarise(self, model: PhysicsModel) -> str:
