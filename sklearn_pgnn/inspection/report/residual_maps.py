@@ -58,21 +58,7 @@ class Maps:
 
 
 def residual_maps(diagnosis, formula: FoundFormula | None) -> list[Maps]:
-    """Return the maps of what is missing.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    formula : FoundFormula or None
-        The formula for what no cause explains.
-
-    Returns
-    -------
-    list of Maps
-        One for the formula's place; else one for every state whose rate is seen, or for the
-        outputs where there is none.
-    """
+    """Return the maps of what is missing."""
     if formula is not None:
         return [_of_formula(diagnosis, formula)]
     model, records = diagnosis.extended_model_, diagnosis.records_
@@ -147,20 +133,7 @@ def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:
 
 
 def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
-    """Return the two quantities over which what is missing at a place is mapped.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    target : str
-        A state, an input or an output.
-
-    Returns
-    -------
-    (str, str)
-        What it depends on first; then the state itself with its position, other states, inputs.
-    """
+    """Return the two quantities over which what is missing at a place is mapped."""
     model, part = diagnosis.extended_model_, diagnosis.discrepancy_
     known = [*model.states, *model.inputs]
     told = [] if part is None else list(part.quantities)
