@@ -29,8 +29,11 @@ MOST, COUNTED_EVERY = 100_000_000, 500
 #: the code that writes what is kept, in this folder
 _WRITERS = (
     "disk_cache.py",
+    "dry_friction.py",
+    "linearly_implicit.py",
     "machine_code.py",
     "model_function.py",
+    "reactions.py",
     "source.py",
     "straight_line.py",
 )

@@ -143,7 +143,7 @@ class _Filter:
             self.P0,
             diffusion,
             windows.scale**2,
-            np.array(self.source.dry),
+            self.source.dry,
             windows.substeps,
             self.source.size,
             *states,

@@ -129,7 +129,7 @@ def _transitions(model, windows, x0):
             nothing,
             np.zeros(nx),
             blind,
-            np.array(source.dry),
+            source.dry,
             windows.substeps,
             source.size,
             x[rows],

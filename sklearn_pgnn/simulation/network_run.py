@@ -341,7 +341,7 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
         u,
         u_next if hold == "foh" else u,
         parameter_values(model),
-        np.array(source.dry),
+        source.dry,
         substeps,
         source.size,
         x_next,
@@ -498,7 +498,7 @@ def _functions_and_settings(step, theta, wrt=None):
         parameters[places] += parameter_units(step.model, step.free) * changes
     return (function, terms, energy), (
         parameters,
-        np.array(source.dry),
+        source.dry,
         step.substeps,
         source.size,
         of_terms.size,

@@ -217,7 +217,7 @@ def simulate_acting(
         parameter_values(model),
         x0.copy(),
         S,
-        np.array(source.dry),
+        source.dry,
         substeps,
         source.size,
         usual_interval(t) if usual is None else usual,
