@@ -53,21 +53,30 @@ def solve_some(A, right, wanted, table, order, found):
         for c in range(n):
             table[a, c] = A[order[a], order[c]]
         table[a, n] = right[order[a]]
+    _eliminate(A, n, table, order)
+    for a in range(n - 1, -1, -1):
+        value = table[a, n]
+        for c in range(a + 1, n):
+            value -= table[a, c] * found[order[c]]
+        found[order[a]] = value / table[a, a] if _is_pivot(A, a, table, order) else 0.0
+
+
+@njit(**APART)
+def _is_pivot(A, a, table, order):
+    """Return whether a pivot is more than rounding."""
+    return table[a, a] > ROUNDING * abs(A[order[a], order[a]])
+
+
+@njit(**APART)
+def _eliminate(A, n, table, order):
+    """Make a table of n rows triangular."""
     for a in range(n):
-        if not table[a, a] > ROUNDING * abs(A[order[a], order[a]]):
+        if not _is_pivot(A, a, table, order):
             continue
         for c in range(a + 1, n):
             share = table[c, a] / table[a, a]
             for d in range(a + 1, n + 1):
                 table[c, d] -= share * table[a, d]
-    for a in range(n - 1, -1, -1):
-        value = 0.0
-        if table[a, a] > ROUNDING * abs(A[order[a], order[a]]):
-            value = table[a, n]
-            for c in range(a + 1, n):
-                value -= table[a, c] * found[order[c]]
-            value /= table[a, a]
-        found[order[a]] = value
 
 
 @njit(**APART)

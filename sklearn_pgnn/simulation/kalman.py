@@ -85,7 +85,7 @@ def run_filter(
             if not math.isfinite(x[i]):
                 return -np.inf
         if s.size:
-            settle(function, t[k], x, S, u[k], p, s, stuck, dry, -1, out, old[-2])
+            settle(function, t[k], x, S, u[k], p, s, stuck, dry, -1, out, old)
         keep(x, C, Xp[k], Pp[k])
         for j in range(ny):
             if math.isnan(y[k, j]):

@@ -380,7 +380,8 @@ class _Emission:
             reactions = self._reactions(flows, *at)
             tangents = self._tangents(source.rate_slopes, self._rate_values(*at), rows)
             by_signs = self._at_stage(source.outputs_by_signs, *at)
-            slopes = [[by_signs[e] for e in source.outputs_by_signs[i :: len(flows)]] for i in flows]
+            columns = [source.outputs_by_signs[i :: len(flows)] for i in flows]
+            slopes = [[by_signs[entry] for entry in column] for column in columns]
             for i, (piece, kept) in enumerate(zip(pieces, places, strict=True)):
                 answers = reactions.answers(tangents[i::n_pieces])
                 for value, place in zip(

@@ -43,7 +43,8 @@ class Reactions(Elimination):
 
     def answers(self, rates: Sequence[ir.Value]) -> list[ir.Value]:
         """Return by how much the signs change; those that are not stuck do not."""
-        return self.solve([self._held(i, self._along(row, rates)) for i, row in enumerate(self.rows)])
+        along = (self._along(row, rates) for row in self.rows)
+        return self.solve([self._held(i, rate) for i, rate in enumerate(along)])
 
     def _between(self, i: int, j: int) -> ir.Value:
         """Return an element of -CB among what is stuck, and of one elsewhere."""

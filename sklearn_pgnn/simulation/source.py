@@ -301,11 +301,14 @@ def _written(model: PhysicsModel, differentiated: bool) -> Source:
             entries += [_by_parameter(model, local, e, p) for e in part for p in model.parameters]
     signs = [local[s] for s in dry.symbols]
     check_signs(f, signs, dry, list(model.states))
-    entries += [sympy.diff(e, s) for e in (*g, *f) for s in signs]
+    by_signs = [sympy.diff(e, s) for e in (*g, *f) for s in signs]
     arguments = {local[old]: place for old, place in places.items()}
     n_parameters = len(model.parameters) if differentiated else None
-    sizes = len(f), len(g), n_parameters
-    return Source(*_straight_line(arguments, entries), dry.rows, *sizes)
+    # apart, for a step of what does not stick needs none of it
+    shared, written = _straight_line(arguments, entries)
+    further = _straight_line(arguments, by_signs, "d") if by_signs else ((), ())
+    lines, entries = tuple(dict.fromkeys((*shared, *further[0]))), (*written, *further[1])
+    return Source(lines, entries, dry.rows, len(f), len(g), n_parameters)
 
 
 def _by_parameter(model, local, expression, name):
@@ -328,9 +331,9 @@ def _places(model, dry):
     return places
 
 
-def _straight_line(places, entries) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _straight_line(places, entries, prefix="c") -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Write what the entries share, line by line, and the entries."""
-    names = sympy.numbered_symbols("c", real=True)
+    names = sympy.numbered_symbols(prefix, real=True)
     shared, entries = sympy.cse(at_whole_points(entries), symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
     write = _Printer().doprint

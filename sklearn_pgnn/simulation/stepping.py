@@ -67,20 +67,34 @@ def flow_of(row, x):
 
 
 @njit(**INNER)
-def set_sides(x, s, stuck, dry, leaving, rest):
+def _flow(i, x, dry, own):
+    """Return a flow: a state, or a difference of states."""
+    return x[own[i]] if own[i] >= 0 else flow_of(dry[i], x)[0]
+
+
+@njit(**INNER)
+def _is_at_rest(i, x, is_stuck, dry, own):
+    """Return whether a flow is zero, up to rounding for a difference of states."""
+    if own[i] >= 0:
+        return x[own[i]] == 0.0
+    flow, size = flow_of(dry[i], x)
+    return abs(flow) <= (STILL if is_stuck else AT_REST) * size
+
+
+@njit(**INNER)
+def _set_sides(x, s, stuck, dry, leaving, rest, own):
     """Set the signs of the flows that move, find those at rest, and return whether there are any.
 
     The flow ``leaving`` moves, to the side that its sign says already.
     """
     any_rest = False
     for i in range(s.size):
-        flow, size = flow_of(dry[i], x)
-        rest[i] = i != leaving and abs(flow) <= (STILL if stuck[i] else AT_REST) * size
+        rest[i] = i != leaving and _is_at_rest(i, x, stuck[i], dry, own)
         any_rest = any_rest or rest[i]
         if not rest[i]:
             stuck[i] = False
             if i != leaving:
-                s[i] = 1.0 if flow > 0.0 else -1.0
+                s[i] = 1.0 if _flow(i, x, dry, own) > 0.0 else -1.0
     return any_rest
 
 
@@ -99,12 +113,18 @@ def _fill_balance(dry, out, A, b):
                 A[i, j] -= dry[i, m] * out[first + m * k + j]
 
 
-@njit(**APART)
-def settle(function, t, x, S, u, p, s, stuck, dry, leaving, out, balance):
+@njit(**INNER)
+def settle(function, t, x, S, u, p, s, stuck, dry, leaving, out, old):
     """Set every dry friction's sign, and whether it sticks: a balance of all that are at rest."""
-    (A, b, table, right), order, rest = balance
-    if not set_sides(x, s, stuck, dry, leaving, rest):
-        return
+    balance = old[5]
+    if _set_sides(x, s, stuck, dry, leaving, balance[2], balance[3]):
+        _weigh_up(function, t, x, S, u, p, s, stuck, dry, out, balance)
+
+
+@njit(**APART)
+def _weigh_up(function, t, x, S, u, p, s, stuck, dry, out, balance):
+    """Set the signs of what is at rest, and whether it sticks."""
+    (A, b, table, right), order, rest, _ = balance
     for i in range(s.size):
         s[i] = 0.0 if rest[i] else s[i]
     evaluate(function, RATES, t, x, S, u, p, s, stuck, out)
@@ -115,7 +135,7 @@ def settle(function, t, x, S, u, p, s, stuck, dry, leaving, out, balance):
 @njit(**APART)
 def _react(function, t, x, S, u, p, s, stuck, dry, out, balance):
     """Fill ``out`` with the rates as the stuck flows hold them, and set those flows' signs."""
-    (A, b, table, right), order, _ = balance
+    (A, b, table, right), order, _, own = balance
     evaluate(function, RATES, t, x, S, u, p, s, stuck, out)
     if not is_any(stuck):
         return
@@ -127,34 +147,21 @@ def _react(function, t, x, S, u, p, s, stuck, dry, out, balance):
             s[i] += right[i]
             for m in range(nx):
                 out[m] += out[out.size - (nx - m) * k + i] * right[i]
-    _clear_stuck(dry, stuck, out)
+    _clear_stuck(own, stuck, out)
 
 
 @njit(**INNER)
-def _clear_stuck(dry, stuck, rates):
+def _clear_stuck(own, stuck, rates):
     """Set the rates to zero of the states that are stuck flows: they are up to rounding."""
     for i in range(stuck.size):
-        m = own_state(dry[i]) if stuck[i] else -1
-        if m >= 0:
-            rates[m] = 0.0
-
-
-@njit(**INNER)
-def own_state(row):
-    """Return the state that a flow is, or -1 for a difference of states."""
-    state = -1
-    for m in range(row.size):
-        if row[m] != 0.0:
-            if state >= 0:
-                return -1
-            state = m
-    return state
+        if stuck[i] and own[i] >= 0:
+            rates[own[i]] = 0.0
 
 
 @njit(**APART)
 def _hold_slopes(function, t, x, S, u, p, s, stuck, dry, out, balance):
     """Let the sensitivities of flows that begin at rest stick: a small motion ends at once."""
-    (A, b, table, right), order, _ = balance
+    (A, b, table, right), order, _, own = balance
     nx, k, is_new = x.size, s.size, False
     for i in range(k):
         for j in range(S.shape[1] if stuck[i] else 0):
@@ -171,17 +178,17 @@ def _hold_slopes(function, t, x, S, u, p, s, stuck, dry, out, balance):
         for i in range(k):
             for m in range(nx if stuck[i] else 0):
                 S[m, j] += out[out.size - (nx - m) * k + i] * right[i]
-        _clear_stuck(dry, stuck, S[:, j])
+        _clear_stuck(own, stuck, S[:, j])
 
 
 @njit(**INNER)
-def _first_crossing(x_old, x, s, stuck, dry):
+def _first_crossing(x_old, x, s, stuck, dry, own):
     """Find the flow that changes its sign first, and the share of the step until then."""
     first, share = -1, 1.0
     for i in range(s.size):
         if stuck[i]:
             continue
-        before, after = s[i] * flow_of(dry[i], x_old)[0], s[i] * flow_of(dry[i], x)[0]
+        before, after = s[i] * _flow(i, x_old, dry, own), s[i] * _flow(i, x, dry, own)
         if before > 0.0 and after < 0.0 and before < share * (before - after):
             first, share = i, before / (before - after)
     return first, share
@@ -202,10 +209,21 @@ def _first_release(function, t, x, S, u, p, s, stuck, dry, out, balance, first, 
 
 
 @njit(**INNER)
-def _first_event(function, t, x, S, u, p, s, stuck, dry, out, old):
-    """Find the flow that crosses zero or breaks away first, and the share of the step until then."""
-    first, share = _first_crossing(old[0], x, s, stuck, dry)
-    if is_any(stuck):
+def _are_equal(a, b):
+    equal = True
+    for i in range(a.size):
+        equal = equal and a[i] == b[i]
+    return equal
+
+
+@njit(**INNER)
+def _first_event(function, t, x, S, u_start, u, p, s, stuck, dry, out, old):
+    """Find the flow that crosses zero or breaks away first, and the step's share until then.
+
+    Where nothing moves, what is stuck is weighed up again at the next step only.
+    """
+    first, share = _first_crossing(old[0], x, s, stuck, dry, old[5][3])
+    if is_any(stuck) and not (_are_equal(x, old[0]) and _are_equal(u, u_start)):
         return _first_release(
             function, t, x, S, u, p, s, stuck, dry, out, old[5], first, share, old[6]
         )
@@ -284,18 +302,17 @@ def _jump(S, before, after, row):
 
 
 @njit(**INNER)
-def _to_zero(x, rates, row, left):
-    """Move x along its rates to where a flow is zero; return the share of the time left."""
-    flow, rate = flow_of(row, x)[0], flow_of(row, rates)[0]
+def _to_zero(x, rates, h, i, dry, own):
+    """Move x along its rates to where a flow is zero; return its share of a step."""
+    flow, rate = _flow(i, x, dry, own), _flow(i, rates, dry, own)
     time = -flow / rate if rate != 0.0 else 0.0
-    if not abs(time) < left:
+    if not abs(time) < h:
         time = 0.0
     for m in range(x.size):
         x[m] += time * rates[m]
-    state = own_state(row)
-    if state >= 0:
-        x[state] = 0.0
-    return time / left
+    if own[i] >= 0:
+        x[own[i]] = 0.0
+    return time / h
 
 
 @njit(**INNER)
@@ -323,17 +340,17 @@ def _cut(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old, i, sh
         _react(function, now, x, S, u_now, p, s, stuck, dry, out, balance)
         if stuck[i]:
             _let_go(s, stuck, i)
-            settle(function, now, x, S, u_now, p, s, stuck, dry, i, out, balance)
+            settle(function, now, x, S, u_now, p, s, stuck, dry, i, out, old)
         else:
             copy_values(out, before)
-            done = min(1.0, done + _to_zero(x, before, dry[i], h))
+            done = min(1.0, done + _to_zero(x, before, h, i, dry, balance[3]))
             now, left = t + done * h, (1.0 - done) * h
-            settle(function, now, x, S, u_now, p, s, stuck, dry, -1, out, balance)
+            settle(function, now, x, S, u_now, p, s, stuck, dry, -1, out, old)
             _react(function, now, x, S, u_now, p, s, stuck, dry, out, balance)
             _jump(S, before, out, dry[i])
         keep(x, S, x_old, S_old)
         _step(function, now, left, x, S, u_now, u_end, p, s, stuck, out)
-        i, share = _first_event(function, t + h, x, S, u_end, p, s, stuck, dry, out, old)
+        i, share = _first_event(function, t + h, x, S, u_now, u_end, p, s, stuck, dry, out, old)
         if i < 0:
             return
 
@@ -345,12 +362,12 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, settled, out
         _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
         return
     if not settled:
-        settle(function, t, x, S, u_start, p, s, stuck, dry, -1, out, old[5])
+        settle(function, t, x, S, u_start, p, s, stuck, dry, -1, out, old)
     if S.shape[1] and is_any(stuck):
         _hold_slopes(function, t, x, S, u_start, p, s, stuck, dry, out, old[5])
     keep(x, S, old[0], old[1])
     _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
-    i, share = _first_event(function, t + h, x, S, u_end, p, s, stuck, dry, out, old)
+    i, share = _first_event(function, t + h, x, S, u_start, u_end, p, s, stuck, dry, out, old)
     if i >= 0:
         _cut(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old, i, share)
 
@@ -382,7 +399,11 @@ def workspace(dry, nq, nu, size):
     """Allocate what steps need, once per trajectory: ``out``, and what was before an event."""
     k, nx = dry.shape
     u_old = np.zeros(nu), np.zeros(nu)
-    balance = balance_workspace(k)
+    own = np.full(k, -1)
+    for i in range(k):
+        if np.sum(dry[i] != 0.0) == 1:
+            own[i] = np.argmax(np.abs(dry[i]))
+    balance = *balance_workspace(k), own
     old = np.zeros(nx), np.zeros((nx, nq)), *u_old, np.zeros(nx), balance, np.zeros(k)
     return np.zeros(size), old
 
@@ -451,7 +472,7 @@ def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, us
                 return k
             X[k, i] = x[i]
         if s.size:
-            settle(function, t[k], x, S, u[k], p, s, stuck, dry, -1, out, old[5])
+            settle(function, t[k], x, S, u[k], p, s, stuck, dry, -1, out, old)
         observe(function, t[k], x, S, u[k], p, s, stuck, out, Y[k], Sy)
         if nq > 0:
             copy_rows(Sy, SY[k])
@@ -501,7 +522,7 @@ def run_windows(
             if not finite:
                 break
             if s.size:
-                settle(function, t[k], x, S, u[k], p, s, stuck, dry, -1, out, old[5])
+                settle(function, t[k], x, S, u[k], p, s, stuck, dry, -1, out, old)
             before, piece = piece, (k - starts[w]) * G.shape[1] // lengths[w]
             if piece != before:
                 _empty(products, G[w, before])
