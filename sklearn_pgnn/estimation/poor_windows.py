@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import MUCH
-from sklearn_pgnn.simulation.dry_friction import dry_friction
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.simulation.led_states import led_states
 from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows

@@ -15,19 +15,19 @@ from sklearn_pgnn.export.c_expression import CPrinter
 from sklearn_pgnn.export.c_names import c_name, c_names
 from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import late_inputs
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.complementarity import MAX_PIVOTS, SWEEPS
 from sklearn_pgnn.simulation.complementarity import ROUNDING as ROUNDED
-from sklearn_pgnn.simulation.dry_friction import dry_friction
 from sklearn_pgnn.simulation.model_function import METHODS
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.simulation.stepping import AT_REST, MAX_EVENTS, STILL
+from sklearn_pgnn.simulation.stepping import AT_REST, MAX_EVENTS
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 PRECISIONS = {"double": "double", "single": "float"}
 KEPT = ("constants", "struct")
-#: shares that are rounding: of a flow that moved, of one that stuck, and of a pivot
-ROUNDING = {"double": (AT_REST, STILL, ROUNDED), "single": (1e-6, 1e-5, 1e-5)}
+#: shares that are rounding, of a difference and of a pivot
+ROUNDING = {"double": (AT_REST, ROUNDED), "single": (1e-6, 1e-5)}
 
 
 class Machine:
@@ -108,7 +108,7 @@ class Machine:
     def _friction(self, rates, outputs) -> dict[str, Any]:
         """Return what the template needs for dry friction."""
         number = self.printer.number
-        shares = dict(zip(("at_rest", "still", "rounding"), ROUNDING[self.precision], strict=True))
+        shares = dict(zip(("at_rest", "rounding"), ROUNDING[self.precision], strict=True))
         alone = [[m for m, c in enumerate(row) if c] for row in self.dry]
         by_sides = rates_by_signs_of(self.model) if rates and self.dry else None
         return {

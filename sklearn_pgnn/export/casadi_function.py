@@ -9,8 +9,8 @@ from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs
 from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.dry_friction import dry_friction
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 

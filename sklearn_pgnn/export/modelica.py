@@ -5,10 +5,10 @@ from sympy.printing.str import StrPrinter
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.c_names import c_name, c_names
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import require_equations
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.dry_friction import dry_friction
 
 _KEYWORDS = (
     "abs acos algorithm and annotation asin assert atan atan2 block break ceil class connect "

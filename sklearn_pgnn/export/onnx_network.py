@@ -10,7 +10,7 @@ from sklearn_pgnn.export.c import is_network
 from sklearn_pgnn.export.onnx_graph import Graph, Value
 from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
-from sklearn_pgnn.simulation.dry_friction import dry_friction
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.simulation.network_run import NetworkStep, terms_model
 
 #: ONNX operator set that runtimes of some years support

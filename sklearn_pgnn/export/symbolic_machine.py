@@ -8,8 +8,8 @@ from typing import Any
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.dry_friction import dry_friction
 from sklearn_pgnn.simulation.model_function import METHODS
 
 _OPERATIONS: dict[type, Callable] = {

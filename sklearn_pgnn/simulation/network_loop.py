@@ -188,6 +188,8 @@ def _prior_step(
 ):  # fmt: skip
     """Advance x and S in place by the model, from one sample to the next."""
     h = dt / substeps
+    for i in range(stuck.size):
+        stuck[i] = False
     for step in range(substeps):
         for i in range(u_start.size):
             slope = u_end[i] - u_start[i]
@@ -499,7 +501,6 @@ def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, size, X, J):
         S[:, :] = 0.0
         for i in range(nx):
             S[i, n_free + i] = 1.0
-        stuck[:] = False
         _prior_step(
             function, t[k], dt[k], X[k], S, u[k], u_next[k], p, s, stuck, dry, substeps,
             step_out, old, u_from, u_to,

@@ -18,13 +18,13 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.terms import model_terms
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_model
-from sklearn_pgnn.simulation.dry_friction import dry_friction
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive, run_terms
 from sklearn_pgnn.simulation.simulate import parameter_values

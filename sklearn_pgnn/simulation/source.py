@@ -7,7 +7,7 @@ For the states :math:`x`, inputs :math:`u` and parameters :math:`p` of a model t
 - ``linearised``: :math:`f, g, \partial f/\partial x, \partial f/\partial p,
   \partial g/\partial x, \partial g/\partial p`
 
-``s`` stands for the sign of every flow under dry friction (`sklearn_pgnn.simulation.dry_friction`):
+``s`` stands for the sign of every flow under dry friction (`sklearn_pgnn.physics.dry_friction`):
 the time loop sets it and lets the flow stick, see `sklearn_pgnn.simulation.stepping`. Last stand
 :math:`\partial g/\partial s` and :math:`\partial f/\partial s`, row by row.
 """
@@ -20,11 +20,11 @@ import numpy as np
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
+from sklearn_pgnn.physics.dry_friction import check_signs, dry_friction, with_signs
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import at_whole_points
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.disk_cache import keep, key_of, load
-from sklearn_pgnn.simulation.dry_friction import check_signs, dry_friction, with_signs
 
 #: least argument of a root in a denominator: its slope at a bound is then 0, not 0/0
 TINY = sympy.Float(1e-30)

@@ -33,7 +33,7 @@ LONG = 1.5
 MOST_SAMPLES = 1e6
 #: events handled exactly within one step; further ones are stepped over
 MAX_EVENTS = 12
-#: a flow that is so small a share of its parts is zero: of one that moved, and of one that stuck
+#: a difference that is so small a share of its parts is zero: of states, and of sensitivities
 AT_REST, STILL = 1e-13, 1e-9
 
 _F = types.float64
@@ -74,11 +74,11 @@ def _flow(i, x, dry, own):
 
 @njit(**INNER)
 def _is_at_rest(i, x, is_stuck, dry, own):
-    """Return whether a flow is zero, up to rounding for a difference of states."""
+    """Return whether a flow is zero: a difference of states that stuck is, up to rounding."""
     if own[i] >= 0:
         return x[own[i]] == 0.0
     flow, size = flow_of(dry[i], x)
-    return abs(flow) <= (STILL if is_stuck else AT_REST) * size
+    return is_stuck or abs(flow) <= AT_REST * size
 
 
 @njit(**INNER)
@@ -344,7 +344,7 @@ def _cut(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old, i, sh
         else:
             copy_values(out, before)
             done = min(1.0, done + _to_zero(x, before, h, i, dry, balance[3]))
-            now, left = t + done * h, (1.0 - done) * h
+            now, left, stuck[i] = t + done * h, (1.0 - done) * h, True
             settle(function, now, x, S, u_now, p, s, stuck, dry, -1, out, old)
             _react(function, now, x, S, u_now, p, s, stuck, dry, out, balance)
             _jump(S, before, out, dry[i])
