@@ -5,10 +5,12 @@ import ctypes
 import numpy as np
 import pytest
 from c_program import compile_c, run_c
+from rubbing_machines import cart_pendulum, stacked_blocks, two_link_arm
 
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export import to_c
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.scales import Scales
 
 pytestmark = pytest.mark.core
@@ -67,6 +69,21 @@ def test_friction_that_sticks_does_so_in_c(tmp_path):
     (X, _), (x, _) = both(CART + effects.CoulombFriction("v", 3.0), tmp_path, 4.0)
     assert np.array_equal(X[:, 1] == 0, x[:, 1] == 0)
     assert 0.05 < np.mean(X[:, 1] == 0) < 0.95
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+@pytest.mark.parametrize(
+    ("model", "size"),
+    [(cart_pendulum(Fp=0.2), 3.0), (stacked_blocks(), 4.0), (two_link_arm(), 5.0)],
+    ids=lambda each: getattr(each, "name", ""),
+)
+def test_frictions_that_act_on_each_other_stick_in_c(model, size, hold, tmp_path):
+    rates = model.equations
+    model = model.replace(outputs={f"rate_of_{v}": rates[v] for v in list(model.states)[-2:]})
+    found, expected = both(model, tmp_path, size, n=1500, hold=hold, substeps=2)
+    assert agree(found, expected, 1e-9)
+    flows = expected[0] @ np.array(dry_friction(model).rows).T
+    assert np.all((np.abs(flows) < 1e-12).mean(axis=0) > 0.02)
 
 
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
