@@ -74,7 +74,11 @@ def test_friction_that_sticks_does_so_in_c(tmp_path):
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 @pytest.mark.parametrize(
     ("model", "size"),
-    [(cart_pendulum(Fp=0.2), 3.0), (stacked_blocks(), 4.0), (two_link_arm(), 5.0)],
+    [
+        (cart_pendulum(Fc=2.0, Fp=0.4), 3.0),
+        (stacked_blocks(F=2.0, G=1.5), 3.0),
+        (two_link_arm(F1=7.0, F2=2.0), 1.5),
+    ],
     ids=lambda each: getattr(each, "name", ""),
 )
 def test_frictions_that_act_on_each_other_stick_in_c(model, size, hold, tmp_path):
@@ -83,7 +87,8 @@ def test_frictions_that_act_on_each_other_stick_in_c(model, size, hold, tmp_path
     found, expected = both(model, tmp_path, size, n=1500, hold=hold, substeps=2)
     assert agree(found, expected, 1e-9)
     flows = expected[0] @ np.array(dry_friction(model).rows).T
-    assert np.all((np.abs(flows) < 1e-12).mean(axis=0) > 0.02)
+    at_rest = (np.abs(flows) < 1e-12).mean(axis=0)
+    assert np.all((at_rest > 0.01) & (at_rest < 0.99))
 
 
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)

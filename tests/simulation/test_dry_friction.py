@@ -157,7 +157,7 @@ def held(t, *levels):
     [
         (cart_pendulum(Fc=1.5, Fp=0.6), [0.0, 4.0, -2.0, 0.0], [0.0, 0.5, 0.0, 0.0]),
         (two_link_arm(), [[8, 1.5], [3, 2.5], [6.5, -1]], [0.3, -0.4, 0.0, 0.0]),
-        (stacked_blocks(F=1.0), [4.0, 0.5, -2.5, 0.0], [0.0, 0.0]),
+        (stacked_blocks(F=1.5), [4.0, 0.5, -2.5, 0.0], [0.0, 0.0]),
     ],
     ids=lambda each: getattr(each, "name", ""),
 )
