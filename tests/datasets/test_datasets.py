@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from rubbing_machines import cart_pendulum, stacked_blocks, two_link_arm
 from scipy.integrate import solve_ivp
 
 import sklearn_pgnn.datasets
@@ -161,6 +162,30 @@ def test_a_block_that_leaves_rest_and_stops_within_a_step_comes_to_rest():
     (x,), _ = integrate(sliding_block(level) + push, t, np.zeros((1, 100, 1)), [[0.0, 0.0]])
     assert np.isfinite(x).all()
     assert np.abs(x[t < 1.4, 1]).max() < 1e-6
+
+
+def test_blocks_come_to_rest_one_on_the_other_and_then_on_the_ground():
+    t = np.arange(0, 4, 0.013)
+    model = stacked_blocks(F=0.6, G=0.4)
+    model = model.replace(outputs={"a": model.equations["v1"]})
+    (x,), (a,) = integrate(model, t, np.zeros((1, t.size, 1)), [[2.0, 0.5]])
+    meet = 1.5 / 0.7  # apart: -0.6 and (0.6 - 0.4)/2 m/s^2, then together -0.4/3
+    together = np.maximum(2 - 0.6 * meet - 0.4 / 3 * (t - meet), 0)
+    expected = np.where(t < meet, [2 - 0.6 * t, 0.5 + 0.1 * t], together)
+    np.testing.assert_allclose(x.T, expected, atol=1e-9)
+    slowing = np.where(t < meet, -0.6, np.where(together > 0, -0.4 / 3, 0.0))
+    np.testing.assert_allclose(a[:, 0], slowing, atol=1e-9)
+
+
+@pytest.mark.parametrize("machine", [cart_pendulum, two_link_arm])
+def test_frictions_that_act_on_each_other_agree_with_the_simulation(machine):
+    t = np.arange(0, 3, 0.01)
+    model = machine()
+    u = 1.2 * np.sin(2.0 * t)[:, None] * np.arange(1, len(model.inputs) + 1)
+    x0 = [0.0, 0.2, 0.0, 0.0]
+    ((x,), _), run = integrate(model, t, u[None], [x0]), model.simulate(t, u, x0, substeps=4)
+    assert np.any(x[1:] == 0)
+    np.testing.assert_allclose(x, run.x, atol=1e-4)
 
 
 @pytest.mark.slow
