@@ -110,13 +110,16 @@ class Machine:
         number = self.printer.number
         shares = dict(zip(("at_rest", "rounding"), ROUNDING[self.precision], strict=True))
         alone = [[m for m, c in enumerate(row) if c] for row in self.dry]
+        parts = [*zip(self.dry, alone, strict=True)]
         by_sides = rates_by_signs_of(self.model) if rates and self.dry else None
         return {
             "nd": len(self.dry),
             "flows": [[number(c) for c in row] for row in self.dry],
             "own": [states[0] if len(states) == 1 else -1 for states in alone],
             "by_sides": None if by_sides is None else self.written(by_sides),
+            "moving": [[f"{number(row[m])}*x[{m}]" for m in states] for row, states in parts],
             "shows_side": rates is not None and "s" in outputs.arrays,
+            "moves_side": rates is None and "s" in outputs.arrays,
             "max_pivots": MAX_PIVOTS,
             "sweeps": SWEEPS,
             **{name: number(share) for name, share in shares.items()},
