@@ -306,9 +306,9 @@ def _written(model: PhysicsModel, differentiated: bool) -> Source:
     n_parameters = len(model.parameters) if differentiated else None
     # apart, for a step of what does not stick needs none of it
     shared, written = _straight_line(arguments, entries)
-    further = _straight_line(arguments, by_signs, "d") if by_signs else ((), ())
-    lines = tuple(dict.fromkeys((*shared, *further[0])))
-    return Source(lines, (*written, *further[1]), dry.rows, len(f), len(g), n_parameters)
+    further, sides = _straight_line(arguments, by_signs, "d") if by_signs else ((), ())
+    lines, filled = tuple(dict.fromkeys((*shared, *further))), (*written, *sides)
+    return Source(lines, filled, dry.rows, len(f), len(g), n_parameters)
 
 
 def _by_parameter(model, local, expression, name):
