@@ -34,6 +34,7 @@ from sklearn_pgnn.physics.effects.levels import (
     RateLimit,
     StateLimit,
 )
+from sklearn_pgnn.physics.effects.memory import HystereticSpring
 from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
     SensorCurvature,
@@ -67,6 +68,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Cogging,
     EndStop,
     Hysteresis,
+    HystereticSpring,
     PeriodicDisturbance,
     RateLimit,
     StateLimit,

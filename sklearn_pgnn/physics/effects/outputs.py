@@ -12,14 +12,18 @@ import sympy
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
-from sklearn_pgnn.physics.expressions import TIME
+from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
 from sklearn_pgnn.physics.repeated_rates import with_output
+from sklearn_pgnn.physics.units import plain_unit
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
     from sklearn_pgnn.physics.scales import Scales
 
+#: a turn in the units of angles
+TURNS = {"rad": 2 * sympy.pi, "deg": sympy.Integer(360), "rev": sympy.Integer(1)}
+TURNS |= {"turn": TURNS["rev"], "revolution": TURNS["rev"], "mrad": 2000 * sympy.pi}
 #: largest factor by which a curved scale is steeper, or flatter, than at zero
 STEEPEST = 10.0
 
@@ -167,6 +171,74 @@ class SensorCurvature(OutputEffect):
         if not ends:
             return {}
         return {"curvature": (float(max(e[0] for e in ends)), float(min(e[1] for e in ends)))}
+
+
+@dataclass(frozen=True)
+class SensorEccentricity(OutputEffect):
+    r"""A sensor of an angle that is mounted off centre, :math:`y + a\sin q + b\cos q`.
+
+    The error has one cycle a turn of the angle :math:`q`: the one angle that the output depends on,
+    or the output itself where that is an angle made of several. The output may be in another unit,
+    such as counts or volts.
+
+    Parameters
+    ----------
+    target : str
+        The output.
+    sine, cosine : float, default=0
+        Amplitudes :math:`a, b` [output].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import golf_robot
+    >>> (golf_robot() + SensorEccentricity("phi_measured", sine=0.01)).outputs["phi_measured"]
+    ec_phi_measured*cos(phi) + es_phi_measured*sin(phi) + phi
+    """
+
+    sine: float = quantity("es", "{target}")
+    cosine: float = quantity("ec", "{target}")
+    id = "sensor_eccentricity"
+    phrase = "off-centre mounting of {target}"
+    lacking = "lacks the"
+    summary = "The error of the angle repeats with every turn: an encoder or a dial off centre."
+    check = "Turn the sensor on its shaft by half a turn: the error at an angle changes its sign."
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the names of the outputs that measure an angle."""
+        return tuple(name for name in model.outputs if _angle(model, name) is not None)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Add one cycle a turn to the output."""
+        angle, shown = _angle(model, self.target), model.outputs[self.target]
+        ripple = p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
+        return {"outputs": {**model.outputs, self.target: shown + ripple}}
+
+    @classmethod
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
+        """Start on centre."""
+        return (cls(target),)
+
+
+def _angle(model, output: str) -> sympy.Expr | None:
+    """Return the angle [rad] that an output measures, if it measures one.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> outputs = {"counts": "1000*q", "dial": "p", "speed": "w", "both": "p + r", "to": "q - p"}
+    >>> states = {"q": "rad", "w": "rad/s", "p": "deg", "r": "deg"}
+    >>> arm = PhysicsModel(states, {"q": "w", "w": "-q", "p": "r", "r": "p"}, outputs=outputs)
+    >>> [_angle(arm, output) for output in outputs]
+    [q, pi*p/180, None, pi*(p + r)/180, None]
+    """
+    shown = model.outputs[output]
+    turns = {s: TURNS.get(plain_unit(unit)) for s, unit in model.states.items()}
+    angles = [s for s, turn in turns.items() if turn and shown.has(symbol(s))]
+    if len(angles) == 1:
+        return 2 * sympy.pi * symbol(angles[0]) / turns[angles[0]]
+    turn = TURNS.get(plain_unit(model.unit(output)))
+    return 2 * sympy.pi * shown / turn if angles and turn else None
 
 
 @dataclass(frozen=True)
