@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.dependences import ParameterSaturation, ParameterSlope
+from sklearn_pgnn.physics.effects.fading import InputFading
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
@@ -16,6 +17,7 @@ from sklearn_pgnn.physics.effects.friction import (
     StribeckFriction,
     ViscousFriction,
 )
+from sklearn_pgnn.physics.effects.gear_friction import GearLoss, LoadStribeckFriction
 from sklearn_pgnn.physics.effects.inputs import (
     ActuatorLag,
     AsymmetricDeadZone,
@@ -27,6 +29,7 @@ from sklearn_pgnn.physics.effects.inputs import (
     InputRateLimit,
     InputSaturation,
 )
+from sklearn_pgnn.physics.effects.joints import ElasticJoint, JointPlay, SpringPlay
 from sklearn_pgnn.physics.effects.levels import (
     Leak,
     LeakToInput,
@@ -39,6 +42,7 @@ from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
     SensorCurvature,
     SensorDelay,
+    SensorEccentricity,
     SensorGain,
     SensorRectification,
     SensorSaturation,
@@ -59,6 +63,8 @@ CATALOGUE: tuple[type[Effect], ...] = (
     StribeckFriction,
     AsymmetricFriction,
     LoadFriction,
+    GearLoss,
+    LoadStribeckFriction,
     ViscousFriction,
     QuadraticDrag,
     LinearStiffness,
@@ -69,6 +75,9 @@ CATALOGUE: tuple[type[Effect], ...] = (
     EndStop,
     Hysteresis,
     HystereticSpring,
+    ElasticJoint,
+    JointPlay,
+    SpringPlay,
     PeriodicDisturbance,
     RateLimit,
     StateLimit,
@@ -81,6 +90,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     InputDeadZone,
     AsymmetricDeadZone,
     InputSaturation,
+    InputFading,
     InputDelay,
     ActuatorLag,
     InputRateLimit,
@@ -88,6 +98,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     SensorBias,
     SensorGain,
     SensorCurvature,
+    SensorEccentricity,
     SensorSaturation,
     SensorRectification,
     SensorDelay,

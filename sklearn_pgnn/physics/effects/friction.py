@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import sympy
 
@@ -158,15 +158,15 @@ class LoadFriction(SpeedEffect):
     level: float = quantity("Fl", "{force}", low=0.0)
     share: float = quantity("mul", "", low=0.0, high=1.0)
     id = "load_friction"
-    generalises = (CoulombFriction.id,)
-    excludes = (CoulombFriction.id,)
+    generalises: ClassVar[tuple[str, ...]] = (CoulombFriction.id,)
+    excludes: ClassVar[tuple[str, ...]] = (CoulombFriction.id,)
     summary = "Dry friction that grows with the load: a worm gear, a spindle, a toothed gear."
     check = "Lift and lower different weights: the friction grows with the weight."
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the velocities with a driving force."""
-        return tuple(name for name in super().targets(model) if _drive(model, name) != 0)
+        return tuple(name for name in super().targets(model) if driving_force(model, name) != 0)
 
     @classmethod
     def can_act(cls, target: str, model: PhysicsModel) -> bool:
@@ -175,7 +175,7 @@ class LoadFriction(SpeedEffect):
 
     def effort(self, model: PhysicsModel) -> sympy.Expr:
         """Return the friction, with the driving force in the place of the load's symbol."""
-        return super().effort(model).xreplace({LOAD: _drive(model, self.target)})
+        return super().effort(model).xreplace({LOAD: driving_force(model, self.target)})
 
     def force(
         self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
@@ -186,7 +186,7 @@ class LoadFriction(SpeedEffect):
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the load, by the direction of motion."""
         port = model.port(self.target)
-        load = sympy.Abs(_drive(model, self.target)) * sympy.sign(port.flow)
+        load = sympy.Abs(driving_force(model, self.target)) * sympy.sign(port.flow)
         return Characteristic("force", self.target, load, unit=port.unit)
 
     @classmethod
@@ -201,7 +201,7 @@ class LoadFriction(SpeedEffect):
         return {"share": (0.0, 0.95)}
 
 
-def _drive(model: PhysicsModel, target: str) -> sympy.Expr:
+def driving_force(model: PhysicsModel, target: str) -> sympy.Expr:
     """Return the addends of a port's effort with inputs, or else with first-order states."""
     port = model.port(target)
     if len(port.rates) > 1:

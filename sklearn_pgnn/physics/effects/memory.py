@@ -83,9 +83,8 @@ class HystereticSpring(PositionEffect):
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Subtract the force and add it to the states."""
         changes = super().rewrite(model, p)
-        v, z, soft, stiff = (
-            symbol(self.target), symbol(self.state), p["softening"], p["stiffening"],
-        )  # fmt: skip
+        v, z = model.port(self.target).flow, symbol(self.state)
+        soft, stiff = p["softening"], p["stiffening"]
         bend = (soft + stiff) / 2 * sympy.Abs(v) * z + (soft - stiff) / 2 * v * sympy.Abs(z)
         changes["equations"][self.state] = p["stiffness"] * v - bend
         changes["states"] = {**model.states, self.state: self.units(model)["force"]}
@@ -95,7 +94,7 @@ class HystereticSpring(PositionEffect):
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with weak and strong springs that unload steeply, soften or not."""
-        travel = scales.typical[model.kinematic_pairs[target]]
+        travel = scales.typical[model.port(target).position]
         stiffness = force_scale(target, model, scales) / travel
         parts = itertools.product((0.1, 0.5), (0.0, 0.5), (0.5,))
         return tuple(
@@ -105,5 +104,5 @@ class HystereticSpring(PositionEffect):
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Bound the growth of the force over the travel."""
-        most = MOST_BENT / scales.peak[model.kinematic_pairs[target]]
+        most = MOST_BENT / scales.peak[model.port(target).position]
         return {"softening": (-most / 4, most), "stiffening": (0.0, most)}
