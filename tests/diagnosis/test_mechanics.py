@@ -23,18 +23,16 @@ def noisy(y, rng):
     return y + NOISE * y.std() * rng.normal(size=y.shape)
 
 
-def sprung_mass(rng, hides, softening=0.0, stiffening=0.0):
+def sprung_mass(rng, hides, loss=0.0, bend=0.0):
     """A mass on a spring, whose springs are linear, or of which one is hysteretic."""
     m, d, k = rng.uniform(1, 3), rng.uniform(5, 10), rng.uniform(2e3, 4e3)
     t = np.arange(1000) * 2e-3
     F = 60 * waves(t, rng, 3, [3.1, 5.3, 7.7, 11.3, 15.1])
-    if not hides:
-        softening = stiffening = 0.0
 
     def rates(x, u):
         q, v, z = x
-        bend = (softening + stiffening) / 2 * abs(v) * z + (softening - stiffening) / 2 * v * abs(z)
-        return v, (u - k * q - d * v - z) / m, hides * 1.5e3 * v - bend
+        bent = 1.5e3 * v - loss * abs(v) * z - bend * v * abs(z)
+        return v, (u - k * q - d * v - z) / m, hides * bent
 
     q = integrate(rates, np.zeros((3, 3)), t, F)[0]
     about = {"unit": "N/m", "spread": INF}
@@ -95,7 +93,7 @@ def servo(rng, hides, gap=0.0):
     tau = 0.4 * waves(t, rng, 4, [0.7, 1.9, 3.7, 6.1, 9.3])
 
     def rates(x, u):
-        q, w, twist, load = x
+        _, w, twist, load = x
         flank = np.sign(twist) * np.maximum(abs(twist) - gap / 2, 0)
         T = k * flank + damping * (w - load)
         if not hides:
@@ -114,7 +112,7 @@ def servo(rng, hides, gap=0.0):
     return model, *tables(t, {"tau": tau}, {"angle": noisy(q, rng)})
 
 
-JOINTS = "elastic_joint", "joint_play", "actuator_lag", "linear_stiffness", "hysteretic_spring"
+BEHIND = "actuator_lag", "linear_stiffness", "hysteretic_spring"
 
 
 def two_inertias(rng, hides):
@@ -156,9 +154,9 @@ def two_inertias(rng, hides):
 PLAYS = "spring_play", "input_backlash", "coulomb_friction", "cubic_stiffness"
 
 
-def dial(rng, hides, output="q", scale=1.0):
-    """A pendulum that swings far, whose sensor may sit off centre."""
-    w0, d = rng.uniform(3, 4), rng.uniform(0.1, 0.2)
+def dial(rng, hides, output="q", scale=1.0, weight=1.0):
+    """A pendulum that swings far, or a rotor, whose sensor may sit off centre."""
+    w0, d = weight * rng.uniform(3, 4), rng.uniform(0.1, 0.2)
     a, b = hides * rng.uniform(0.03, 0.06), hides * rng.uniform(-0.05, 0.05)
     t = np.arange(500) * 0.02
 
@@ -176,7 +174,8 @@ def dial(rng, hides, output="q", scale=1.0):
         {"u": "rad/s^2"},
         {"angle": output},
     )
-    return model, *tables(t, {"u": u}, {"angle": scale * noisy(q + a * np.sin(q) + b * np.cos(q), rng)})
+    seen = scale * noisy(q + a * np.sin(q) + b * np.cos(q), rng)
+    return model, *tables(t, {"u": u}, {"angle": seen})
 
 
 DIALS = "sensor_eccentricity", "sensor_curvature", "sensor_gain", "sensor_bias", "quadratic_drag"
@@ -191,7 +190,8 @@ def car(rng, hides, zone=0.0):
 
     def rates(x, u):
         (v,) = x
-        return ((k * np.maximum(u - zone, 0) * (1 - f * abs(v)) - d * v - 0.8 * np.tanh(v / 1e-2)) / m,)
+        force = k * np.maximum(u - zone, 0) * (1 - f * abs(v))
+        return ((force - d * v - 0.8 * np.tanh(v / 1e-2)) / m,)
 
     v = integrate(rates, np.zeros((1, 4)), t, u)[0]
     model = PhysicsModel(
@@ -214,15 +214,16 @@ DRIVES = "input_fading", "quadratic_drag", "input_saturation", "input_gain", "pa
 
 #: by name: the machine, what it hides, and the catalogue, of which the first is hidden
 CASES = {
-    "hardening": (sprung_mass, {"softening": -60.0, "stiffening": 300.0}, SPRINGS),
-    "softening": (sprung_mass, {"softening": 40.0, "stiffening": 250.0}, SPRINGS),
+    "hardening": (sprung_mass, {"loss": 120.0, "bend": -180.0}, SPRINGS),
+    "softening": (sprung_mass, {"loss": 145.0, "bend": -105.0}, SPRINGS),
+    "steep": (sprung_mass, {"loss": 60.0, "bend": 90.0}, SPRINGS),
     "gear": (axis, {"share": 0.05, "backward": 0.5}, LOSSES),
     "slow gear": (axis, {"share": 0.15, "backward": 0.15, "peak": 1.0}, PEAKS),
-    "elastic": (servo, {}, JOINTS),
-    "play": (servo, {"gap": 0.1}, ("joint_play", *(each for each in JOINTS if each != "joint_play"))),
+    "elastic": (servo, {}, ("elastic_joint", "joint_play", *BEHIND)),
+    "play": (servo, {"gap": 0.1}, ("joint_play", "elastic_joint", *BEHIND)),
     "shaft": (two_inertias, {}, PLAYS),
     "encoder": (dial, {}, DIALS),
-    "counts": (dial, {"output": "1000*q", "scale": 1000.0}, DIALS),
+    "counts": (dial, {"output": "1000*q", "scale": 1000.0, "weight": 0.0}, DIALS),
     "car": (car, {}, DRIVES),
     "zone": (car, {"zone": 0.15}, (*DRIVES, "input_dead_zone")),
 }

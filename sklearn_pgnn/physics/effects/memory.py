@@ -18,21 +18,19 @@ if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
     from sklearn_pgnn.physics.scales import Scales
 
-#: most by which the stiffness of a loop bends over the travel, in powers of e
-MOST_BENT = 20.0
+#: least and most by which the stiffness of a loop changes over the travel, in powers of e
+LEAST_LOOP, MOST_BENT = 0.1, 20.0
 
 
 @dataclass(frozen=True)
 class HystereticSpring(PositionEffect):
-    r"""A spring whose stiffness depends on its force, and on loading or unloading: Bouc-Wen.
+    r"""A spring that is stiffer, or softer, as it is unloaded than as it is loaded: Bouc-Wen.
 
-    .. math::
-        \dot z = k\,v - \frac{s + r}{2}\,|v|\,z - \frac{s - r}{2}\,v\,|z|, \qquad F = z
+    .. math:: \dot z = k\,v - \gamma\,|v|\,z - \delta\,v\,|z|, \qquad F = z
 
-    The stiffness :math:`dz/dx` is :math:`k - s|z|` as the force grows and :math:`k + r|z|` as it
-    falls. With :math:`s > 0` the force levels off at :math:`k/s`, which is a `Hysteresis`; with
-    :math:`s < 0` the spring hardens. In the letters of the literature, :math:`A = k`,
-    :math:`\gamma\beta = (s + r)/2`, :math:`\delta\beta = (s - r)/2`.
+    The stiffness :math:`dz/dx` is :math:`k - (\gamma + \delta)|z|` as the force grows, and
+    :math:`k + (\gamma - \delta)|z|` as it falls. With :math:`\gamma + \delta > 0` the force levels
+    off, as that of a `Hysteresis` does; below zero the spring hardens.
 
     Parameters
     ----------
@@ -40,10 +38,10 @@ class HystereticSpring(PositionEffect):
         The velocity.
     stiffness : float, default=0
         Stiffness :math:`k` at no force [force per position].
-    softening : float, default=0
-        Loss :math:`s` of stiffness per force as the force grows [1/position]; below 0 it hardens.
-    stiffening : float, default=0
-        Gain :math:`r` of stiffness per force as the force falls [1/position].
+    loss : float, default=0
+        Coefficient :math:`\gamma` of the loop, which loses energy [1/position].
+    bend : float, default=0
+        Coefficient :math:`\delta`, of any sign [1/position].
 
     References
     ----------
@@ -54,13 +52,13 @@ class HystereticSpring(PositionEffect):
 
     Examples
     --------
-    >>> HystereticSpring("v", 5e4, softening=-300.0, stiffening=1900.0).names()
-    {'stiffness': 'kh_v', 'softening': 'sf_v', 'stiffening': 'rf_v'}
+    >>> HystereticSpring("v", 5e4, loss=800.0, bend=-1100.0).names()
+    {'stiffness': 'kh_v', 'loss': 'gh_v', 'bend': 'bh_v'}
     """
 
     stiffness: float = quantity("kh", "{force}/({position})", low=0.0)
-    softening: float = quantity("sf", "1/({position})", role="shape")
-    stiffening: float = quantity("rf", "1/({position})", role="shape")
+    loss: float = quantity("gh", "1/({position})", low=0.0, role="shape")
+    bend: float = quantity("bh", "1/({position})", role="shape")
     id = "hysteretic_spring"
     summary = (
         "A spring that remembers: it is stiffer, or softer, as it is unloaded than as it is loaded."
@@ -84,8 +82,7 @@ class HystereticSpring(PositionEffect):
         """Subtract the force and add it to the states."""
         changes = super().rewrite(model, p)
         v, z = model.port(self.target).flow, symbol(self.state)
-        soft, stiff = p["softening"], p["stiffening"]
-        bend = (soft + stiff) / 2 * sympy.Abs(v) * z + (soft - stiff) / 2 * v * sympy.Abs(z)
+        bend = p["loss"] * sympy.Abs(v) * z + p["bend"] * v * sympy.Abs(z)
         changes["equations"][self.state] = p["stiffness"] * v - bend
         changes["states"] = {**model.states, self.state: self.units(model)["force"]}
         changes["initial_state"] = {**model.initial_state, self.state: 0.0}
@@ -93,16 +90,23 @@ class HystereticSpring(PositionEffect):
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start with weak and strong springs that unload steeply, soften or not."""
+        """Start with weak and strong springs that level off, or do not."""
         travel = scales.typical[model.port(target).position]
         stiffness = force_scale(target, model, scales) / travel
-        parts = itertools.product((0.1, 0.5), (0.0, 0.5), (0.5,))
+        parts = itertools.product((0.1, 0.5), ((0.25, -0.25), (0.5, 0.0)))
         return tuple(
-            cls(target, k * stiffness, soft / travel, stiff / travel) for k, soft, stiff in parts
+            cls(target, share * stiffness, loss / travel, bend / travel)
+            for share, (loss, bend) in parts
         )
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Bound the growth of the force over the travel."""
-        most = MOST_BENT / scales.peak[model.port(target).position]
-        return {"softening": (-most / 4, most), "stiffening": (0.0, most)}
+        """Keep a loop, and bound the growth of the force over the travel.
+
+        Without a loop this is a linear spring, with a new load in every window.
+        """
+        travel = scales.peak[model.port(target).position]
+        return {
+            "loss": (LEAST_LOOP / travel, MOST_BENT / travel),
+            "bend": (-MOST_BENT / travel, MOST_BENT / travel),
+        }
