@@ -32,6 +32,11 @@ def _below_peak(size: float, scale) -> float:
     return scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
 
 
+def _soft(size: float, scale) -> float:
+    """Return the stiffness of a joint that gives more for a larger effect."""
+    return 2.0 * scale["force"] / scale["position"] / size
+
+
 #: parameters that are not in proportion to the size: value from size and the signals' scales
 SHAPES = {
     ("stribeck_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
@@ -50,6 +55,16 @@ SHAPES = {
     ("periodic_disturbance", "frequency"): lambda size, scale: 2.3 / scale["s"],
     ("hysteresis", "deflection"): lambda size, scale: 0.1 * scale["position"],
     ("hysteresis", "shape"): lambda size, scale: 0.5,
+    ("hysteretic_spring", "loss"): lambda size, scale: 0.7 / scale["position"],
+    ("hysteretic_spring", "bend"): lambda size, scale: -0.4 / scale["position"],
+    ("elastic_joint", "share"): lambda size, scale: 0.3,
+    ("elastic_joint", "stiffness"): _soft,
+    ("elastic_joint", "damping"): lambda size, scale: 0.05 * scale["force"] / scale["velocity"],
+    ("joint_play", "share"): lambda size, scale: 0.3,
+    ("joint_play", "stiffness"): _soft,
+    ("joint_play", "damping"): lambda size, scale: 0.05 * scale["force"] / scale["velocity"],
+    ("joint_play", "width"): lambda size, scale: 0.3 * size * scale["position"],
+    ("spring_play", "width"): lambda size, scale: 2.0 * size * scale["position"],
     ("end_stop", "upper"): lambda size, scale: scale["position"] * (2.0 - 1.5 * size),
     ("end_stop", "lower"): lambda size, scale: -scale["position"] * (2.0 - 1.5 * size),
     ("end_stop", "stiffness"): lambda size, scale: 20.0 * scale["force"] / scale["position"],
@@ -65,6 +80,14 @@ SHAPES = {
     ("sensor_delay", "delay"): lambda size, scale: 0.3 * size * scale["s"],
     ("load_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
     ("load_friction", "share"): lambda size, scale: 0.6 * size,
+    ("gear_loss", "level"): lambda size, scale: 0.3 * size * scale["force"],
+    ("gear_loss", "share"): lambda size, scale: 0.2 * size,
+    ("gear_loss", "backward"): lambda size, scale: 0.8 * size,
+    ("load_stribeck_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
+    ("load_stribeck_friction", "share"): lambda size, scale: 0.3 * size,
+    ("load_stribeck_friction", "peak"): lambda size, scale: 1.0,
+    ("load_stribeck_friction", "velocity"): lambda size, scale: 0.1 * scale["velocity"],
+    ("input_fading", "fading"): lambda size, scale: 0.9 * size * scale["per_signal"],
     ("asymmetric_dead_zone", "above"): lambda size, scale: 0.6 * size * scale["peak"],
     ("asymmetric_dead_zone", "below"): lambda size, scale: 0.2 * size * scale["peak"],
     ("leak_to_level", "level"): lambda size, scale: 0.5 * scale["peak"],

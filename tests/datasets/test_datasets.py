@@ -35,6 +35,18 @@ def oven():
     )
 
 
+def shaft():
+    """Return two inertias on a shaft."""
+    return PhysicsModel(
+        {"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"},
+        {"a": "v", "b": "w", "v": "(u - d*v - k*(a - b))/J", "w": "(k*(a - b) - d*w)/J"},
+        {"J": 0.01, "k": 3.0, "d": 0.02},
+        {"u": "N m"},
+        inertia={"v": "J", "w": "J"},
+        name="shaft",
+    )
+
+
 SYSTEMS = {"golf": systems.golf_robot, "cart": systems.cart_on_spring, "tanks": systems.two_tanks}
 #: short records of every system, for what does not need long ones
 SHORT = {
@@ -42,9 +54,10 @@ SHORT = {
     "cart": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
     "tanks": {"n_records": 3, "duration": 1000.0, "sample_rate": 0.2, "noise": 0.01},
     "oven": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
+    "shaft": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
 }
 #: systems that effects are hidden in
-HOSTS = {**SYSTEMS, "oven": oven}
+HOSTS = {**SYSTEMS, "oven": oven, "shaft": shaft}
 #: every effect on the first system that it may act on; the golf robot's damping is too small to
 #: show that it changes
 HIDEABLE = [

@@ -65,8 +65,8 @@ class ElasticJoint(PositionEffect):
     ['x', 'v', 'twist_v', 'load_v']
     """
 
-    share: float = quantity("lj", "", default=USUAL, low=0.0, high=0.99)
-    stiffness: float = quantity("kj", "{force}/({position})", default=1e9, low=0.0, role="shape")
+    share: float = quantity("lj", "", default=USUAL, low=0.0, high=0.99, role="shape")
+    stiffness: float = quantity("kj", "{force}/({position})", default=1e9, low=0.0, role="end")
     damping: float = quantity("dj", "{force}/({velocity})", low=0.0, role="shape")
     id = "elastic_joint"
     phrase = "elastic joint behind {target}"
