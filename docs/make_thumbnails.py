@@ -38,6 +38,24 @@ OVEN = PhysicsModel(
     parameters={"C": {"value": 80.0, "unit": "J/K", "bounds": [1, 1e4]}},
     equations={"T": "P/C"},
 )
+SHAFT = PhysicsModel(
+    name="shaft",
+    states={"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"},
+    inputs={"torque": "N m"},
+    outputs={"motor": "a", "load": "b"},
+    parameters={
+        "J": {"value": 0.01, "unit": "kg m^2", "bounds": [1e-4, 1]},
+        "k": {"value": 3.0, "unit": "N m/rad", "bounds": [0.1, 100]},
+        "d": {"value": 0.02, "unit": "N m s/rad", "bounds": [0, 1]},
+    },
+    equations={
+        "a": "v",
+        "b": "w",
+        "v": "(torque - d*v - k*(a - b))/J",
+        "w": "(k*(a - b) - d*w)/J",
+    },
+    inertia={"v": "J", "w": "J"},
+)
 #: the machines in which an effect is looked for, and how their records are made
 MACHINES = (
     (systems.cart_on_spring(), {"n_records": 4, "sample_rate": 100.0, "noise": 1e-3}),
@@ -47,6 +65,7 @@ MACHINES = (
         {"n_records": 4, "duration": 600.0, "sample_rate": 1.0, "amplitude": 2.7, "noise": 1e-2},
     ),
     (OVEN, {"n_records": 4, "duration": 600.0, "sample_rate": 1.0, "noise": 1e-2}),
+    (SHAFT, {"n_records": 4, "sample_rate": 100.0, "noise": 1e-3}),
 )
 #: kinds of targets in the order of the page, and their headings
 KINDS = {
