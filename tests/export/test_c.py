@@ -18,6 +18,12 @@ INTERVAL, SAMPLES = 1 / 128, 100_000
 CART = systems.cart_on_spring()
 GOLF = systems.golf_robot() + effects.StribeckFriction("omega", 0.1, 0.1, 0.3)
 TANKS = systems.two_tanks() + effects.Overflow("x1", limit=7.0, steepness=1.0, share=0.6)
+SHAFT = PhysicsModel(
+    {"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"},
+    {"a": "v", "b": "w", "v": "(u - k*(a - b))/J", "w": "k*(a - b)/J"},
+    {"J": 0.01, "k": 3.0},
+    {"u": "N m"},
+)
 OVEN = PhysicsModel({"T": "K"}, {"T": "P/C"}, {"C": 80.0}, {"P": "W", "T_room": "K"})
 CLOCK = PhysicsModel(
     {"x": "m"},
@@ -71,7 +77,7 @@ def test_friction_that_sticks_does_so_in_c(tmp_path):
 
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
 def test_every_effect_of_the_catalogue_is_in_the_c(kind, tmp_path):
-    machines = (CART, systems.two_tanks(), systems.golf_robot(), OVEN)
+    machines = (CART, systems.two_tanks(), systems.golf_robot(), OVEN, SHAFT)
     model = next(machine for machine in machines if kind.targets(machine))
     target = kind.targets(model)[0]
     effect = (*kind.starts(target, model, scales_of(model)), kind(target))[0]
