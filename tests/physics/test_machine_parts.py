@@ -97,6 +97,15 @@ def test_an_elastic_joint_rings_at_its_frequency_and_keeps_momentum_and_energy()
     assert value(two, two.energy["stored"], **at) == pytest.approx(energy[70], rel=1e-6)
 
 
+def test_an_accelerometer_before_an_elastic_joint_feels_what_its_mass_does():
+    joint = effects.ElasticJoint("v", share=0.3, stiffness=400.0, damping=2.0)
+    two = block(outputs={"y": "x", "a": "3*(F - d*v)/m"}) + joint
+    run = two.simulate(T, 3 * np.sin(5 * T), substeps=8, hold="foh")
+    slopes = np.gradient(run.x[:, 1], T)
+    np.testing.assert_allclose(run.y[5:-5, 1], 3 * slopes[5:-5], atol=0.01)
+    assert np.abs(run.y[:, 1]).max() > 3
+
+
 def test_a_stiff_joint_moves_as_one():
     u = 3 * np.sin(5 * T)
     stiff = block() + effects.ElasticJoint("v", share=0.3, stiffness=4e5, damping=100.0)
@@ -117,7 +126,8 @@ def test_no_force_passes_within_the_play():
 def test_the_play_of_a_shaft_is_taken_out_of_the_stretch_in_both_rates():
     units = {"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"}
     rates = {"a": "v", "b": "w", "v": "(u - k*(a - n*b))/J", "w": "n*k*(a - n*b)/J - w"}
-    shaft = PhysicsModel(units, rates, {"k": 50.0, "J": 2.0, "n": 3.0}, {"u": "N m"})
+    outputs = {"a": "a", "torque": "k*(a - n*b)"}
+    shaft = PhysicsModel(units, rates, {"k": 50.0, "J": 2.0, "n": 3.0}, {"u": "N m"}, outputs)
     loose = shaft + effects.SpringPlay("k", width=0.2)
     assert effects.SpringPlay.targets(shaft) == ("k",)
     rest = {"u": 0.0, "b": 0.0, "v": 0.0, "w": 0.0}
@@ -125,6 +135,8 @@ def test_the_play_of_a_shaft_is_taken_out_of_the_stretch_in_both_rates():
         at = {**rest, "a": stretch}
         assert value(loose, loose.equations["v"], **at) == pytest.approx(-force / 2)
         assert value(loose, loose.equations["w"], **at) == pytest.approx(3 * force / 2)
+        assert value(loose, loose.outputs["torque"], **at) == pytest.approx(force)
+    assert loose.outputs["a"] == shaft.outputs["a"]
 
 
 def test_a_spring_to_the_ground_and_the_inertia_have_no_play():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import sympy
@@ -95,16 +95,17 @@ class ElasticJoint(PositionEffect):
         v, (twist, load) = symbol(self.target), self.states_of
         port, slip = model.port(self.target), v - symbol(load)
         torque = p["stiffness"] * self.stretch(p) + p["damping"] * slip
-        changes = port.act(model, torque)
-        rates, inertia = dict(changes["equations"]), model.inertia[self.target]
-        rates[self.target] = rates[self.target] / (1 - p["share"])
+        rates, inertia = dict(model.equations), model.inertia[self.target]
+        rates[self.target] = port.act(model, torque)["equations"][self.target] / (1 - p["share"])
         rates |= {twist: slip, load: torque * port.mobility / p["share"]}
+        change = (rates[self.target] - model.equations[self.target]) / port.mobility
+        shown = {name: model.outputs[name] + c * change for name, c in port.outputs.items()}
         rest = model.initial_state[self.target]
         units = {twist: model.unit_of(port.displacement), load: model.unit(self.target)}
         parts = {self.target: (1 - p["share"]) * inertia, load: p["share"] * inertia}
         return {
             "equations": rates,
-            "outputs": changes["outputs"],
+            "outputs": {**model.outputs, **shown},
             "states": {**model.states, **units},
             "initial_state": {**model.initial_state, twist: 0.0, load: rest},
             "inertia": {**model.inertia, **parts},
@@ -216,9 +217,10 @@ class JointPlay(ElasticJoint):
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with a narrow and with a wide gap in soft and in stiff contact."""
         travel = scales.typical[model.port(target).position]
-        few = super().starts(target, model, scales)[-2:]
-        parts = itertools.product(few, (0.03, 0.2))
-        return tuple(replace(each, width=gap * travel) for each, gap in parts)
+        inertia = typical_inertia(target, model, scales) * USUAL * (1 - USUAL)
+        springs = [_spring(inertia, 2 * math.pi * line) for line in _lines(target, scales)[-2:]]
+        parts = itertools.product(springs, (0.03, 0.2))
+        return tuple(cls(target, USUAL, *spring, gap * travel) for spring, gap in parts)
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
@@ -250,7 +252,7 @@ class SpringPlay(Effect):
     >>> SpringPlay.targets(shaft)
     ('k',)
     >>> print((shaft + SpringPlay("k", width=0.02)).equations["w"])
-    k*(a - b - Max(-wp_k/2, Min(a - b, wp_k/2)))/n
+    k*(a - b)/n - k*Max(-wp_k/2, Min(wp_k/2, a - b))/n
     """
 
     width: float = quantity("wp", "{position}", low=0.0)
@@ -271,13 +273,15 @@ class SpringPlay(Effect):
         return {"position": "" if stretch is None else model.unit_of(stretch)}
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Take what the gap gives out of the stretch in every rate."""
+        """Take what the gap gives out of the stretch, in every rate and output."""
         k, stretch = symbol(self.target), _stretch(model, self.target)
         given = k * bounded(stretch, p["width"] / 2)
-        slopes = _slopes(model, self.target).items()
-        less = {state: sympy.cancel(slope / stretch) * given for state, slope in slopes}
-        rates = {state: rate - less.get(state, 0) for state, rate in model.equations.items()}
-        return {"equations": rates}
+
+        def less(expressions: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
+            shares = {name: sympy.cancel(e.diff(k) / stretch) for name, e in expressions.items()}
+            return {name: e - shares[name] * given for name, e in expressions.items()}
+
+        return {"equations": less(model.equations), "outputs": less(model.outputs)}
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
