@@ -86,7 +86,13 @@ class ElasticJoint(PositionEffect):
         """The names of the added states: the twist of the joint, and the load's velocity."""
         return f"twist_{self.target}", f"load_{self.target}"
 
-    def stretch(self, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
+        """Return the effort in the joint."""
+        return p["stiffness"] * self._deflection(p) + p["damping"] * (v - symbol(self.states_of[1]))
+
+    def _deflection(self, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the deflection of the joint's spring."""
         return symbol(self.states_of[0])
 
@@ -94,7 +100,7 @@ class ElasticJoint(PositionEffect):
         """Divide the inertia, and add the twist and the load's velocity."""
         v, (twist, load) = symbol(self.target), self.states_of
         port, slip = model.port(self.target), v - symbol(load)
-        torque = p["stiffness"] * self.stretch(p) + p["damping"] * slip
+        torque = self.effort(model)
         rates, inertia = dict(model.equations), model.inertia[self.target]
         rates[self.target] = port.act(model, torque)["equations"][self.target] / (1 - p["share"])
         rates |= {twist: slip, load: torque * port.mobility / p["share"]}
@@ -119,7 +125,7 @@ class ElasticJoint(PositionEffect):
         v, load = symbol(self.target), symbol(self.states_of[1])
         moved = p["share"] * model.inertia[self.target] * (load**2 - v**2) / 2
         added = {
-            "stored": moved + p["stiffness"] * self.stretch(p) ** 2 / 2,
+            "stored": moved + p["stiffness"] * self._deflection(p) ** 2 / 2,
             "dissipated": p["damping"] * slip**2,
         }
         return {
@@ -208,7 +214,7 @@ class JointPlay(ElasticJoint):
     summary = "A gear or coupling with play: after a reversal the load follows only beyond the gap."
     check = "Hold the load and turn the motor to and fro by hand: it moves freely by the gap."
 
-    def stretch(self, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def _deflection(self, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the deflection of the flanks in contact."""
         twist, side = symbol(self.states_of[0]), p["width"] / 2
         return maximum(twist - side, 0) + minimum(twist + side, 0)

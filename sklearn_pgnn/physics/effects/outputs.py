@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
     from sklearn_pgnn.physics.scales import Scales
 
+#: placeholder for the angle that an output measures
+ANGLE = sympy.Symbol("_angle", real=True)
 #: a turn in the units of angles
 TURNS = {"rad": 2 * sympy.pi, "deg": sympy.Integer(360), "rev": sympy.Integer(1)}
 TURNS |= {"turn": TURNS["rev"], "revolution": TURNS["rev"], "mrad": 2000 * sympy.pi}
@@ -214,11 +216,14 @@ class SensorEccentricity(OutputEffect):
         """Return the names of the outputs that measure an angle."""
         return tuple(name for name in model.outputs if _angle(model, name) is not None)
 
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+        """Return y with one cycle a turn."""
+        return y + p["sine"] * sympy.sin(ANGLE) + p["cosine"] * sympy.cos(ANGLE)
+
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Add one cycle a turn to the output."""
-        angle, shown = _angle(model, self.target), model.outputs[self.target]
-        ripple = p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
-        return {"outputs": {**model.outputs, self.target: shown + ripple}}
+        """Replace the output, with the angle in the place of its symbol."""
+        at = {ANGLE: _angle(model, self.target)}
+        return with_output(model, self.target, lambda true: self.shown(true, p).xreplace(at))
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
