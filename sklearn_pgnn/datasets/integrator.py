@@ -81,10 +81,11 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
 
 
 def _starts(model, u):
-    """Return the model's initial state for every record; settled states follow the first inputs."""
-    x0 = np.tile(list(model.initial_state.values()), (len(u), 1))
+    """Return the model's initial state for every record; settled states start at others."""
+    x0, states = np.tile(list(model.initial_state.values()), (len(u), 1)), list(model.states)
+    first = dict(zip(model.inputs, u[:, 0].T, strict=True)) | dict(zip(states, x0.T, strict=True))
     for state, name in model.settled.items():
-        x0[:, list(model.states).index(state)] = u[:, 0, list(model.inputs).index(name)]
+        x0[:, states.index(state)] = first[name]
     return x0
 
 

@@ -72,7 +72,7 @@ class Machine:
             "ny": len(model.outputs),
             "places": self._places(),
             "states": [{"start": self._start(state)} for state in model.states],
-            "follows": bool(model.settled),
+            "follows": any(name in model.inputs for name in model.settled.values()),
             "any_dry": any(self.dry),
             "keeps_side": any(self.dry),
             "dry": [i for i, is_dry in enumerate(self.dry) if is_dry],
@@ -179,9 +179,9 @@ class Machine:
 
     def _start(self, state: str) -> str:
         followed = self.model.settled.get(state)
-        if followed is not None:
+        if followed in self.model.inputs:
             return f"u[{list(self.model.inputs).index(followed)}]"
-        return self.printer.number(self.model.initial_state[state])
+        return self.printer.number(self.model.initial_state[followed or state])
 
     def time(self) -> str:
         """Return the time of the current sample."""

@@ -82,8 +82,9 @@ class PhysicsModel:
     initial_state : mapping of str to float, default: zeros
         State at the start of a trajectory that does not give its own.
     settled : mapping of str to str, default={}
-        For a state that follows an input, such as that of an actuator, the name of that input: a
-        trajectory that does not give such a state starts it at the input's first value.
+        For a state that follows an input, such as that of an actuator, or another state, as a wall
+        follows the air, the name of that one: a trajectory that does not give such a state starts
+        it at the first value of the other.
     columns : mapping of str to str, default={}
         Column name of a quantity (also of ``t`` and ``trajectory``) in a table, where it is not the
         quantity's own name.

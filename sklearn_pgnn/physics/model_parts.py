@@ -186,12 +186,15 @@ def check_inertia(inertia: Mapping[str, sympy.Expr]) -> None:
 
 
 def check_settled(settled, states, inputs) -> None:
-    """Raise `ModelError` unless `settled` maps states to inputs."""
+    """Raise `ModelError` unless `settled` maps states to inputs, or to states that follow none."""
     check_keys("settled", settled, states)
+    allowed = {*inputs, *states} - {*(settled or {})}
     for state, followed in dict(settled or {}).items():
-        if followed not in inputs:
+        if followed not in allowed:
             raise ModelError(
-                f"settled: {state!r} expects an input, got {followed!r}.", ("settled", state)
+                f"settled: {state!r} expects an input, or a state that is not settled itself, got "
+                f"{followed!r}.",
+                ("settled", state),
             )
 
 
