@@ -71,6 +71,22 @@ SHAPES = {
     ("parameter_slope", "slope"): lambda size, scale: 0.9 * size * scale["per_signal"],
     ("parameter_saturation", "bend"): lambda size, scale: 3.0 * size * scale["per_signal"],
     ("parameter_drift", "rate"): lambda size, scale: 2.0 * size / scale["duration"],
+    ("second_store", "time_constant"): lambda size, scale: 0.3 * scale["s"],
+    ("store_between", "time_constant"): lambda size, scale: 0.5 * size * scale["s"],
+    ("store_between", "ratio"): lambda size, scale: 2.0,
+    ("maxwell_branch", "time_constant"): lambda size, scale: 0.1 * scale["s"],
+    ("relaxation_branch", "time_constant"): lambda size, scale: 0.2 * scale["s"],
+    ("two_relaxation_branches", "time_constant"): lambda size, scale: 0.05 * scale["s"],
+    ("two_relaxation_branches", "ratio"): lambda size, scale: 8.0,
+    ("sensor_lag", "time_constant"): lambda size, scale: 0.3 * size * scale["s"],
+    ("power_loss", "power"): lambda size, scale: 0.5,
+    ("radiation_loss", "coefficient"): lambda size, scale: size / (4 * 300.0**3 * scale["s"]),
+    ("input_power", "power"): lambda size, scale: -0.8 * size,
+    ("input_power", "reference"): lambda size, scale: 0.5 * scale["peak"],
+    ("input_curve", "below"): lambda size, scale: -0.9 * size,
+    ("input_curve", "above"): lambda size, scale: -0.9 * size,
+    ("input_curve", "first"): lambda size, scale: 0.25 * scale["peak"],
+    ("input_curve", "second"): lambda size, scale: 0.65 * scale["peak"],
 }
 
 #: quantities that span a signal to both its sides, as multiples of what is typical of one

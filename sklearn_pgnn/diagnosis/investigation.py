@@ -32,7 +32,6 @@ from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.wiring import Rewired, find_wiring
@@ -255,7 +254,7 @@ class Investigation:
         formulas = FormulaSelection()
         self.search = search = Search(
             fitter,
-            _distinct(self.candidates, fitter.problem.scales),
+            _distinct(self.candidates, fitter.problem),
             criterion,
             self.max_causes,
             asked.has_structure,
@@ -361,13 +360,14 @@ def _provisional(found: Findings) -> Findings:
     return replace(found, result=replace(found.result, complete=False))
 
 
-def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:
-    """Drop the candidates that equal one of their special cases on these records."""
-    all_named = {(cause.id, cause.target) for cause in candidates}
+def _distinct(candidates: tuple[Effect, ...], problem: EstimationProblem) -> tuple[Effect, ...]:
+    """Drop the candidates that these records do not show, or that equal their special cases."""
+    all_named, scales = {(cause.id, cause.target) for cause in candidates}, problem.scales
 
     def is_needed(cause: Effect) -> bool:
         special = {(case, cause.target) for case in cause.generalises}
-        return cause.is_distinct(scales) or not special & all_named
+        is_distinct = cause.is_distinct(scales) or not special & all_named
+        return is_distinct and cause.is_shown(problem.prior, scales)
 
     return tuple(cause for cause in candidates if is_needed(cause))
 

@@ -65,7 +65,8 @@ def _left(squares: np.ndarray, white: np.ndarray, removed: float) -> float:
 def other_places(prior: PhysicsModel, model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
     """Return the places of the plant where a law may act in the place of a sensor or of time.
 
-    There is none for a cause that changes the rates as a function of states and inputs.
+    There is none for a cause that changes the rates as a function of states and inputs, nor for one
+    between an input and an output, as a branch of a cell is.
 
     Examples
     --------
@@ -79,6 +80,6 @@ def other_places(prior: PhysicsModel, model: PhysicsModel, cause: Effect) -> tup
     extended = model + cause
     changed = [name for name, rate in model.equations.items() if rate != extended.equations[name]]
     is_timed = any(TIME in extended.equations[name].free_symbols for name in changed)
-    is_sensor = not changed and model.outputs != extended.outputs
+    is_sensor = not changed and cause.target in model.outputs
     plant = {*prior.states, *prior.ports, *prior.inputs} if is_sensor or is_timed else ()
     return tuple(name for name in places_of(prior) if name in plant)

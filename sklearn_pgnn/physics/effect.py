@@ -200,6 +200,23 @@ class Effect(ABC):
         """
         return True
 
+    def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
+        """Return whether signals of this range can show the effect at all.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model to extend.
+        scales : Scales
+            Magnitudes of the signals.
+
+        Returns
+        -------
+        bool
+            True by default; if False, a diagnosis does not try it.
+        """
+        return True
+
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Return sensible limits for a fit of the effect's parameters.

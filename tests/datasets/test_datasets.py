@@ -35,6 +35,29 @@ def oven():
     )
 
 
+def kiln():
+    """Return a body that loses heat to a room whose temperature is recorded."""
+    return PhysicsModel(
+        {"T": "degC"},
+        {"T": "(P + k*(T_room - T))/C"},
+        {"C": 2.0, "k": 0.5},
+        {"P": "W", "T_room": "degC"},
+        name="kiln",
+    )
+
+
+def cell():
+    """Return a cell whose voltage shows its charge, and its current at once."""
+    return PhysicsModel(
+        {"z": ""},
+        {"z": "(I - k*z)/Q"},
+        {"Q": 5.0, "k": 0.5, "R0": 0.2, "c": 1.0},
+        {"I": "A"},
+        {"V": "c*z + R0*I"},
+        name="cell",
+    )
+
+
 SYSTEMS = {"golf": systems.golf_robot, "cart": systems.cart_on_spring, "tanks": systems.two_tanks}
 #: short records of every system, for what does not need long ones
 SHORT = {
@@ -42,16 +65,18 @@ SHORT = {
     "cart": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
     "tanks": {"n_records": 3, "duration": 1000.0, "sample_rate": 0.2, "noise": 0.01},
     "oven": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
+    "kiln": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
+    "cell": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
 }
 #: systems that effects are hidden in
-HOSTS = {**SYSTEMS, "oven": oven}
-#: every effect on the first system that it may act on; the golf robot's damping is too small to
-#: show that it changes
+HOSTS = {**SYSTEMS, "oven": oven, "kiln": kiln, "cell": cell}
+#: every effect on the first system that it may act on and that shows it: the golf robot's damping
+#: is too small to show that it changes, and what is behind the upper tank is hidden
 HIDEABLE = [
     next((system, kind.id) for system, model in HOSTS.items() if kind.targets(model()))
     for kind in effects.CATALOGUE
-    if kind is not effects.ParameterSlope
-] + [("oven", "parameter_slope")]
+    if kind not in (effects.ParameterSlope, effects.RadiationLoss, effects.SecondStore)
+] + [("oven", "parameter_slope"), ("kiln", "radiation_loss"), ("kiln", "second_store")]
 
 
 def pendulum(**parameters):

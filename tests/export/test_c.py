@@ -19,6 +19,10 @@ CART = systems.cart_on_spring()
 GOLF = systems.golf_robot() + effects.StribeckFriction("omega", 0.1, 0.1, 0.3)
 TANKS = systems.two_tanks() + effects.Overflow("x1", limit=7.0, steepness=1.0, share=0.6)
 OVEN = PhysicsModel({"T": "K"}, {"T": "P/C"}, {"C": 80.0}, {"P": "W", "T_room": "K"})
+HOUSE = PhysicsModel(
+    {"T": "K"}, {"T": "(P + h*(To - T))/C"}, {"C": 80.0, "h": 2.0}, {"P": "W", "To": "K"}
+)
+CELL = PhysicsModel({"z": ""}, {"z": "I/Q"}, {"Q": 9.0, "R": 0.1}, {"I": "A"}, {"V": "z + R*I"})
 CLOCK = PhysicsModel(
     {"x": "m"},
     {"x": "abs(sin(w*t))**1.5*sign(sin(w*t)) - x - floor(3*x)/9 + atan2(x, 2)/4 + t/(1 + t**5)"},
@@ -71,7 +75,7 @@ def test_friction_that_sticks_does_so_in_c(tmp_path):
 
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
 def test_every_effect_of_the_catalogue_is_in_the_c(kind, tmp_path):
-    machines = (CART, systems.two_tanks(), systems.golf_robot(), OVEN)
+    machines = (CART, systems.two_tanks(), systems.golf_robot(), OVEN, HOUSE, CELL)
     model = next(machine for machine in machines if kind.targets(machine))
     target = kind.targets(model)[0]
     effect = (*kind.starts(target, model, scales_of(model)), kind(target))[0]

@@ -5,7 +5,9 @@ from difflib import get_close_matches
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.curves import InputCurve, InputPower
 from sklearn_pgnn.physics.effects.dependences import ParameterSaturation, ParameterSlope
+from sklearn_pgnn.physics.effects.directions import CoefficientByDirection
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
@@ -34,11 +36,13 @@ from sklearn_pgnn.physics.effects.levels import (
     RateLimit,
     StateLimit,
 )
+from sklearn_pgnn.physics.effects.losses import PowerLoss, RadiationLoss
 from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
     SensorCurvature,
     SensorDelay,
     SensorGain,
+    SensorLag,
     SensorRectification,
     SensorSaturation,
 )
@@ -51,6 +55,13 @@ from sklearn_pgnn.physics.effects.springs import (
     EndStop,
     LinearStiffness,
     QuadraticStiffness,
+)
+from sklearn_pgnn.physics.effects.stores import (
+    MaxwellBranch,
+    RelaxationBranch,
+    SecondStore,
+    StoreBetween,
+    TwoRelaxationBranches,
 )
 
 CATALOGUE: tuple[type[Effect], ...] = (
@@ -67,6 +78,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Cogging,
     EndStop,
     Hysteresis,
+    MaxwellBranch,
     PeriodicDisturbance,
     RateLimit,
     StateLimit,
@@ -74,6 +86,10 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Leak,
     LeakToLevel,
     LeakToInput,
+    PowerLoss,
+    RadiationLoss,
+    SecondStore,
+    StoreBetween,
     InputBias,
     InputGain,
     InputDeadZone,
@@ -83,13 +99,19 @@ CATALOGUE: tuple[type[Effect], ...] = (
     ActuatorLag,
     InputRateLimit,
     InputBacklash,
+    InputPower,
+    InputCurve,
     SensorBias,
     SensorGain,
     SensorCurvature,
     SensorSaturation,
     SensorRectification,
     SensorDelay,
+    SensorLag,
+    RelaxationBranch,
+    TwoRelaxationBranches,
     WrongParameter,
+    CoefficientByDirection,
     ParameterDrift,
     ParameterSlope,
     ParameterSaturation,
@@ -116,6 +138,8 @@ FREQUENT: tuple[type[Effect], ...] = (
     AsymmetricFriction,
     LinearStiffness,
     InputBacklash,
+    SecondStore,
+    RelaxationBranch,
     SensorSaturation,
 )
 

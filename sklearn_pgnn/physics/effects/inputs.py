@@ -12,7 +12,8 @@ import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
-from sklearn_pgnn.physics.expressions import TIME, same_name, symbol
+from sklearn_pgnn.physics.effects.targets import free_name
+from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
 
 if TYPE_CHECKING:
@@ -328,19 +329,12 @@ class ActuatorEffect(Effect):
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the actuator's state and use it in the equations."""
-        u, acting = symbol(self.target), symbol(self._free_name(model))
+        u, acting = symbol(self.target), symbol(free_name(model, self.target + self.ending))
         changes = substitute(model, u, acting)
         changes["equations"][str(acting)] = self.rate(u, acting, p)
         changes["states"] = {**model.states, str(acting): model.inputs[self.target]}
         changes["settled"] = {**model.settled, str(acting): self.target}
         return changes
-
-    def _free_name(self, model) -> str:
-        """Return the first name for the actuator's state that is free in the model."""
-        wanted = self.target + self.ending
-        taken = {same_name(name) for name in (*model.states, *model.inputs, *model.parameters)}
-        names = (wanted, *(f"{wanted}_{number}" for number in range(2, len(taken) + 3)))
-        return next(name for name in names if same_name(name) not in taken)
 
 
 @dataclass(frozen=True)

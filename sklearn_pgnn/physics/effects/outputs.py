@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,8 @@ import sympy
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
-from sklearn_pgnn.physics.expressions import TIME
+from sklearn_pgnn.physics.effects.targets import free_name
+from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
 from sklearn_pgnn.physics.repeated_rates import with_output
 
@@ -242,6 +244,79 @@ class SensorRectification(OutputEffect):
 
 
 @dataclass(frozen=True)
+class SensorLag(Effect):
+    r"""A sensor that follows what it measures with a first-order lag.
+
+    .. math:: T\,\dot y_s = y - y_s
+
+    Parameters
+    ----------
+    target : str
+        The output.
+    time_constant : float, default=1
+        Time constant :math:`T` [s].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> oven = PhysicsModel({"T": "K"}, {"T": "P/C"}, {"C": 80.0}, {"P": "W"}, {"probe": "T"})
+    >>> print((oven + SensorLag("probe", time_constant=5.0)).to_text())
+    T' = P/C
+    probe_lagged' = (T - probe_lagged)/Ty_probe
+    """
+
+    time_constant: float = quantity("Ty", "s", default=1.0, low=1e-9)
+    id = "sensor_lag"
+    phrase = "{effect} of {target}"
+    summary = "The reading follows late: a thermometer in its pocket, a filter, a long tube."
+    check = "Bring the sensor alone from one known value to another, and record its reading."
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs of states alone that are no sensor's own."""
+        own = {symbol(name) for name in (*model.inputs, *model.settled)}
+        states = {symbol(name) for name in model.states}
+        seen = {y: shown.free_symbols for y, shown in model.outputs.items()}
+        return tuple(y for y, symbols in seen.items() if symbols & states and not symbols & own)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Add the sensor's state, and show it."""
+        true, lagged = model.outputs[self.target], free_name(model, f"{self.target}_lagged")
+        rate = (true - symbol(lagged)) / p["time_constant"]
+        return {
+            "outputs": {**model.outputs, self.target: symbol(lagged)},
+            "equations": {**model.equations, lagged: rate},
+            "states": {**model.states, lagged: model.unit(self.target)},
+            **_begun(model, true, lagged),
+        }
+
+    @classmethod
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
+        """Start from a few samples to a third of a window."""
+        shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
+        return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))
+
+    @classmethod
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
+        """Stay between what one sample and what two windows can show."""
+        return {"time_constant": (0.5 * scales.sample_time, 2.0 * scales.window)}
+
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
+        """Return the output over the time."""
+        return Characteristic("output", self.target, TIME)
+
+
+def _begun(model, true, lagged: str) -> dict:
+    """Return where a sensor's state begins: at what it measures."""
+    if str(true) in model.states:
+        return {"settled": {**model.settled, lagged: str(true)}}
+    known = {name: p.value for name, p in model.parameters.items()} | dict(model.initial_state)
+    value = true.subs({s: known.get(str(s), 0.0) for s in true.free_symbols})
+    start = float(value) if value.is_finite and value.is_real else 0.0
+    return {"initial_state": {**model.initial_state, lagged: start}}
+
+
+@dataclass(frozen=True)
 class SensorDelay(Delay):
     r"""A sensor with a delay, :math:`y(t - \tau)`.
 
@@ -263,6 +338,7 @@ class SensorDelay(Delay):
 
     id = "sensor_delay"
     excludes = ("input_delay",)
+    resembles = MappingProxyType({"sensor_lag": ("delay", "time_constant")})
     summary = "The reading is delayed: filtering, bus, transport from the machine to the probe."
     check = (
         "Excite the machine with an impulse and compare the reading with a second, direct sensor."
