@@ -151,7 +151,7 @@ def _effort(case: Case, port: Port) -> sympy.Expr:
         return case.effect.effort(case.without)
     state, mobility = next(iter(port.rates.items()))
     added = expanded(case.full.equations[state] - case.without.equations[state])
-    return -added * case.full.inertia.get(state, 1 / mobility)
+    return -added * (port.inertia(case.full) if len(port.rates) == 1 else 1 / mobility)
 
 
 def _what_is_missing(model: PhysicsModel, port: Port) -> str:

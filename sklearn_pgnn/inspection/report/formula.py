@@ -75,6 +75,12 @@ class FoundFormula:
         is_rate = target in model.inertia and not is_effort(model, target)
         return model.port(target).unit if is_rate else ""
 
+    @property
+    def inertia(self) -> str:
+        """The inertia of a rate that a force stands for."""
+        port = self.model.port(self.part.target) if self.force else None
+        return "" if port is None else to_text(port.inertia(self.model))
+
     @cached_property
     def samples(self) -> Samples:
         """The records, with states and inputs as the model has them."""
@@ -140,7 +146,7 @@ def told_formula(formula: FoundFormula) -> dict:
         "left": times(formula.part.error),
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(formula.force),
-        "inertia": to_text(formula.model.inertia[part.target]) if formula.force else "",
+        "inertia": formula.inertia,
         "mathml": mathml_of(formula.expression, formula.moving),
         "text": to_text(formula.expression),
         "terms": [
