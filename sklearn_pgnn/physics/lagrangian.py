@@ -43,6 +43,8 @@ from sklearn_pgnn.physics.model_parts import (
 
 #: what the model file's section ``lagrangian`` holds
 ENERGIES = ("kinetic", "potential", "dissipation")
+#: most sines and cosines in a product that is written by the sums of angles
+MAX_WAVES = 8
 SECTION = ("coordinates", *ENERGIES, "forces")
 
 
@@ -164,7 +166,15 @@ class _Motion:
 
 def _slope(function: sympy.Expr, by: sympy.Symbol) -> sympy.Expr:
     """Differentiate; a step of height one is written by a sign."""
-    return sympy.diff(function, by).rewrite(sympy.Heaviside, sympy.sign)
+    slope = sympy.diff(function, by)
+    if slope.has(sympy.DiracDelta, sympy.Derivative, sympy.Subs):
+        raise ModelError(
+            f"lagrangian: expected energies with a mass and forces that are finite, got one that "
+            f"jumps, or bends sharply, in {str(by)!r}. Remedy: leave abs, max, min, sign and floor "
+            f"of velocities to the dissipation and the forces.",
+            ("lagrangian",),
+        )
+    return slope.rewrite(sympy.Heaviside, sympy.sign) if slope.has(sympy.Heaviside) else slope
 
 
 def tidy(expression: sympy.Expr) -> sympy.Expr:
@@ -177,8 +187,18 @@ def tidy(expression: sympy.Expr) -> sympy.Expr:
     cos(b)
     """
     plain = expanded(expression)
-    forms = (expression, plain, expanded(TR8(plain)))
+    forms = [expression, plain]
+    if 0 < max(map(_waves, sympy.Add.make_args(plain))) <= MAX_WAVES:
+        forms.append(expanded(TR8(plain)))
     return min(forms, key=sympy.count_ops)
+
+
+def _waves(term: sympy.Expr) -> int:
+    """Return a bound of the sines and cosines in a product: their sums have two to its power."""
+    if isinstance(term, sympy.sin | sympy.cos):
+        return 1
+    power = abs(int(term.exp)) if term.is_Pow and term.exp.is_Integer else 1
+    return power * sum(map(_waves, term.args))
 
 
 def _check_coordinates(coordinates, model) -> None:
