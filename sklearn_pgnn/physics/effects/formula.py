@@ -29,15 +29,6 @@ def _is_known(term: str, model: PhysicsModel) -> bool:
     return True
 
 
-def _is_known(term: str, model: PhysicsModel) -> bool:
-    """Return whether a model has all states and inputs of a term."""
-    try:
-        parse_expression(term, (*model.states, *model.inputs), "term")
-    except ModelError:
-        return False
-    return True
-
-
 @dataclass(frozen=True)
 class Formula(Effect):
     r"""Terms added to an effort, a rate, an input or output, :math:`\sum_i c_i \theta_i(x, u, t)`.
