@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.shown_states import shown_by
 
 #: powers of two and ten that counters, converters and prefixes put between two numbers
 POWERS = (*(2.0**n for n in range(8, 17)), 100.0, 1e3, 1e6)
@@ -61,6 +62,10 @@ class Wiring(Effect):
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Return the effect itself: there is nothing to fit."""
         return (cls(target),)
+
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs that the model cannot follow without it, where that is known."""
+        return ()
 
     def lines(self, model: PhysicsModel) -> str:
         """Return what to write into the model file."""
@@ -128,6 +133,10 @@ class ReversedOutput(Wiring):
         """Return the names of the outputs."""
         return tuple(model.outputs)
 
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the output."""
+        return (self.target,)
+
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the output by its negative."""
         return {"outputs": {**model.outputs, self.target: -model.outputs[self.target]}}
@@ -162,6 +171,14 @@ class ReversedTerm(Wiring):
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the terms of the rates that are sums."""
         return tuple(name for rate in model.equations for name in _terms(model, rate))
+
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs that show the state, or the position whose velocity it is.
+
+        Where such an output is followed, all others see the right motion of the state.
+        """
+        rate = self.target.rsplit(_IN, 1)[1]
+        return tuple(output for output in model.outputs if rate in shown_by(model, output))
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Turn the term's sign."""
@@ -236,6 +253,10 @@ class ExchangedOutputs(Wiring):
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the pairs of outputs of one unit."""
         return tuple(_pairs(model, model.outputs))
+
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return both outputs."""
+        return tuple(self.target.split(_AND))
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Exchange what the two show."""
@@ -393,6 +414,10 @@ class OutputFactor(Factor):
     @classmethod
     def _names(cls, model: PhysicsModel) -> tuple[str, ...]:
         return tuple(model.outputs)
+
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the output."""
+        return (self.quantity,)
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Multiply the output by the factor."""
