@@ -7,7 +7,6 @@ the rest are the starting values. That rate is not available if a sensor is nois
 no sensor, so peaks are also searched in the residuals of the re-tuned model.
 """
 
-from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -17,12 +16,11 @@ from scipy.ndimage import median_filter
 from scipy.signal import argrelmax, lombscargle
 
 from sklearn_pgnn.estimation.budgets import BACKGROUND, CYCLE_STEP, LINES, ROUNDING, SAMPLES
-from sklearn_pgnn.exceptions import SimulationError
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
+from sklearn_pgnn.simulation.added_response import AddedResponse, Addition
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -79,21 +77,24 @@ def ripples_left(
     """
     some, x0, found = windows.select(which), fit.evaluation.x0[which], {}
     some = replace(some, y=fit.evaluation.residual)
+    response, states = AddedResponse(fit.model, some, x0), list(fit.model.states)
+    if not response.is_finite:
+        return {}
     for state, position in fit.model.kinematic_pairs.items():
-        path = x[:, list(fit.model.states).index(position)]
-        with suppress(SimulationError):
-            found[state] = _ripples_left(some, fit.model, x0, state, path)
+        path = x[:, states.index(position)]
+        found[state] = _ripples_left(response, states.index(state), path)
     return found
 
 
-def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
-    travel = np.ptp(position)
+def _ripples_left(response: AddedResponse, rate: int, position: np.ndarray) -> tuple[float, ...]:
+    travel, y = np.ptp(position), response.windows.y
     if not travel > 0:
         return ()
     cycles = np.arange(1.0, MOST_CYCLES, CYCLE_STEP)
-    parts = -(-left.y.size // SAMPLES)  # of the waves, to limit the memory for their responses
+    parts = -(-y.size // SAMPLES)  # of the waves, to limit the memory for their responses
+    residual = response.without_states(y[..., None]).reshape(-1, 1)
     explained = [
-        _explained(left, model, x0, state, 2 * np.pi * position[:, None] * some / travel)
+        _explained(response, residual, rate, 2 * np.pi * position * some[:, None] / travel)
         for some in np.array_split(cycles, parts)
     ]
     power = np.concatenate(explained)
@@ -102,12 +103,10 @@ def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
     return tuple(float(travel / c) for c in cycles[highest])
 
 
-def _explained(windows, model, x0, state, phase) -> np.ndarray:
-    """Return the squares of windows that waves in a state's rate explain, by their phases."""
-    waves = np.hstack([np.cos(phase), np.sin(phase)])
-    responses, by_state = linear_responses(model, windows, x0, state, waves)
-    table = np.concatenate([windows.y[..., None], responses], axis=-1)
-    r, c, s = np.split(without_states(windows, table, by_state), [1, 1 + phase.shape[1]], axis=1)
+def _explained(response: AddedResponse, r, rate: int, phase: np.ndarray) -> np.ndarray:
+    """Return the squares of residuals that waves in a rate explain, by their phases."""
+    waves = [Addition(((rate, wave),)) for wave in (*np.cos(phase), *np.sin(phase))]
+    c, s = np.split(response.to(waves).reshape(r.size, -1), 2, axis=1)
     pairs = (c, c), (s, s), (c, s), (c, r), (s, r)
     cc, ss, cs, cr, sr = ((one * other).sum(axis=0) for one, other in pairs)
     common = cc * ss - cs**2
