@@ -5,24 +5,32 @@ import numpy as np
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.estimation.budgets import MOST_TERMS, OWN, RESOLUTION
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.likely_places import windows_looked_at
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.small_step import small_step
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.windows import evaluate
+
+#: terms whose responses are found at a time. More take more memory
+BLOCK = 128
 
 
 def telling_terms(
     problem: EstimationProblem, base: FittedHypothesis, channel: str, columns: np.ndarray
 ) -> list[np.ndarray]:
     """Select terms by their effect on the outputs, with the effect of re-tuning projected out."""
-    windows, fit = problem.windows, base.fit
-    responses, by_state = linear_responses(fit.model, windows, fit.evaluation.x0, channel, columns)
+    fit = base.fit
+    some = windows_looked_at(problem.windows, fit.evaluation.squares, len(fit.model.states))
+    windows, x0 = problem.windows.select(some), fit.evaluation.x0[some]
+    found = []
+    for block in np.array_split(columns, -(-columns.shape[1] // BLOCK), axis=1):
+        responses, by_state = linear_responses(fit.model, windows, x0, channel, block)
+        found.append(without_states(windows, responses, by_state))
     tuned = [_slope_by(problem, base, place) for place in range(len(fit.freedoms))]
-    block = np.concatenate([responses, np.stack(tuned, axis=-1)] if tuned else [responses], axis=-1)
-    table = np.concatenate([fit.evaluation.residual[..., None], block], axis=-1)
-    table = without_states(windows, table, by_state)
-    target, moved, known = np.split(table, [1, 1 + columns.shape[1]], axis=1)
+    table = np.stack([fit.evaluation.residual, *tuned], axis=-1)
+    target, known = np.split(without_states(windows, table, by_state), [1], axis=1)
     basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
+    moved = np.hstack(found)
     before = np.linalg.norm(moved, axis=0)
     moved, target = (part - basis @ (basis.T @ part) for part in (moved, target))
     seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > OWN * before)
@@ -51,12 +59,12 @@ def independent(columns: np.ndarray) -> list[int]:
     [0, 2]
     """
     own: list[int] = []
-    basis = np.empty((len(columns), 0))
+    directions = np.empty((columns.shape[1], len(columns)))  # a row each
     for i, column in enumerate(columns.T):
-        size = np.linalg.norm(column)
-        rest = column - basis @ (basis.T @ column)
-        rest = rest - basis @ (basis.T @ rest)
+        size, basis = np.linalg.norm(column), directions[: len(own)]
+        rest = column - (basis @ column) @ basis
+        rest = rest - (basis @ rest) @ basis
         if np.isfinite(size) and np.linalg.norm(rest) > RESOLUTION * size:
+            directions[len(own)] = rest / np.linalg.norm(rest)
             own.append(i)
-            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
     return own

@@ -53,10 +53,10 @@ def test_a_hidden_cause_is_among_the_first(seed):
     rng = np.random.default_rng(seed)
     hidden = rng.choice(
         [
-            effects.CoulombFriction("v", level=rng.uniform(0.1, 0.6)),
-            effects.QuadraticDrag("v", coefficient=rng.uniform(0.1, 0.5)),
-            effects.InputDeadZone("F", width=rng.uniform(0.1, 0.5)),
-            effects.SensorCurvature("v", curvature=rng.uniform(0.02, 0.1)),
+            effects.CoulombFriction("v", rng.uniform(0.1, 0.6)),
+            effects.QuadraticDrag("v", rng.uniform(0.1, 0.5)),
+            effects.InputDeadZone("F", rng.uniform(0.1, 0.5)),
+            effects.SensorCurvature("v", rng.uniform(0.02, 0.1)),
         ]
     )
     _, _, left = gains(SLEDGE + hidden, effects.CATALOGUE)
