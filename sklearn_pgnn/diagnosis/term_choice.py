@@ -13,6 +13,8 @@ from sklearn_pgnn.simulation.windows import evaluate
 
 #: terms whose responses are found at a time. More take more memory
 BLOCK = 128
+#: rows a column by which columns are told apart. More are safer beside noise, and there is none
+ROWS = 4
 
 
 def telling_terms(
@@ -22,18 +24,21 @@ def telling_terms(
     fit = base.fit
     some = windows_looked_at(problem.windows, fit.evaluation.squares, len(fit.model.states))
     windows, x0 = problem.windows.select(some), fit.evaluation.x0[some]
-    found = []
-    for block in np.array_split(columns, -(-columns.shape[1] // BLOCK), axis=1):
-        responses, by_state = linear_responses(fit.model, windows, x0, channel, block)
-        found.append(without_states(windows, responses, by_state))
     tuned = [_slope_by(problem, base, place) for place in range(len(fit.freedoms))]
     table = np.stack([fit.evaluation.residual, *tuned], axis=-1)
-    target, known = np.split(without_states(windows, table, by_state), [1], axis=1)
-    basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
+    basis, found, before, target = np.empty((0, 0)), [], [], np.empty(0)
+    for block in np.array_split(columns, -(-columns.shape[1] // BLOCK), axis=1):
+        responses, by_state = linear_responses(fit.model, windows, x0, channel, block)
+        if not found:
+            target, known = np.split(without_states(windows, table, by_state), [1], axis=1)
+            basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
+            target = target - basis @ (basis.T @ target)
+        part = without_states(windows, responses, by_state)
+        before.append(np.linalg.norm(part, axis=0))
+        part -= basis @ (basis.T @ part)
+        found.append(part)
     moved = np.hstack(found)
-    before = np.linalg.norm(moved, axis=0)
-    moved, target = (part - basis @ (basis.T @ part) for part in (moved, target))
-    seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > OWN * before)
+    seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > OWN * np.concatenate(before))
     path = leading_terms(moved[:, seen], target[:, 0], MOST_TERMS)
     full = np.zeros((len(path), columns.shape[1]))
     full[:, seen] = path
@@ -59,6 +64,7 @@ def independent(columns: np.ndarray) -> list[int]:
     [0, 2]
     """
     own: list[int] = []
+    columns = columns[:: max(1, len(columns) // (ROWS * columns.shape[1]))]
     directions = np.empty((columns.shape[1], len(columns)))  # a row each
     for i, column in enumerate(columns.T):
         size, basis = np.linalg.norm(column), directions[: len(own)]
