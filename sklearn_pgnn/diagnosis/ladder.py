@@ -1,6 +1,7 @@
 """Successive fits of candidates: from a few steps on few samples to a fit on all windows."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import combinations
 
 import numpy as np
@@ -16,6 +17,7 @@ from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.linear_gain import Left, LinearGain
 from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
+from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
@@ -91,18 +93,18 @@ class Ladder:
     def _near(
         self, ground: SubsampleFit, candidates: Sequence[Effect], best: float
     ) -> list[Effect]:
-        """Return the candidates that are expected to come near the best, or were fitted before.
+        r"""Return the candidates that are expected to come near the best, or were fitted before.
 
-        An error twice as large is not near, nor is a quarter of the gain: a fit gains more than
-        the first order promises, but not so much more.
+        Of squares :math:`S_0` the best leaves :math:`S`. A candidate is near that promises a
+        quarter of its gain, :math:`\log(S_0/S_c) \ge \tfrac14 \log(S_0/S)`: a fit may gain more
+        than the first order promises.
         """
         gains, before = self._gains_beside(ground), ground.squares
+        most = (best / before) ** (1.0 / MUCH**2)
 
         def is_near(cause: Effect) -> bool:
-            if cause not in gains or np.isfinite(self.fitter.known_squares(ground, cause)):
-                return True
-            left = gains[cause].share * before
-            return left <= MUCH**2 * best and MUCH**2 * (before - left) >= before - best
+            known = np.isfinite(self.fitter.known_squares(ground, cause))
+            return known or cause not in gains or gains[cause].share <= most
 
         return [cause for cause in candidates if is_near(cause)]
 
@@ -113,7 +115,8 @@ class Ladder:
             fitter, hypothesis = self.fitter, ground.hypothesis
             allowed = (c for c in self.candidates if hypothesis.allows(c))
             gain = LinearGain(fitter.models, fitter.scales, ground, self.progress.tick)
-            known = gain.left(fitter.windows_of(ground.fit.model), allowed)
+            with suppress(*BREAKDOWNS):  # then every candidate is fitted
+                known = gain.left(fitter.windows_of(ground.fit.model), allowed)
             self._gains[fitter.key(hypothesis)] = ground.fit, known
         return known
 

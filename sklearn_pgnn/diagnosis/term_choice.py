@@ -26,7 +26,9 @@ def telling_terms(
     windows, x0 = problem.windows.select(some), fit.evaluation.x0[some]
     tuned = [_slope_by(problem, base, place) for place in range(len(fit.freedoms))]
     table = np.stack([fit.evaluation.residual, *tuned], axis=-1)
-    basis, found, before, target = np.empty((0, 0)), [], [], np.empty(0)
+    basis, target = np.empty((0, 0)), np.empty(0)
+    found: list[np.ndarray] = []
+    before: list[np.ndarray] = []
     for block in np.array_split(columns, -(-columns.shape[1] // BLOCK), axis=1):
         responses, by_state = linear_responses(fit.model, windows, x0, channel, block)
         if not found:

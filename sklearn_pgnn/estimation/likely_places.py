@@ -25,7 +25,7 @@ def likely_places(
     In every window of its own the input is a polygon of at most `CORNERS` corners, the columns of
     :math:`C`; it explains the squares :math:`\|C C^+ r\|^2` of the residuals :math:`r`.
     """
-    if len(names) <= KEPT:
+    if len(names) <= KEPT or trial.fit.model.opaque_functions:
         return names
     fit = trial.fit
     some = windows_looked_at(problem.windows, fit.evaluation.squares, len(fit.model.states))

@@ -8,7 +8,7 @@ its own parameters it leaves
 
 of the residuals :math:`r`, with the sensitivities to the parameters that are not at a limit and to
 every window's initial state. This ranks candidates; a fit decides. What adds states or delays has
-no such response and is not ranked.
+no such response and is not ranked, nor is anything beside functions without an equation.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -71,7 +71,7 @@ class LinearGain:
         """Return what the candidates leave that can be ranked."""
         fit = self.ground.fit
         some = windows_looked_at(windows, fit.evaluation.squares, len(fit.model.states))
-        if not some.size:
+        if not some.size or fit.model.opaque_functions:
             return {}
         windows = windows.select(some)
         response = AddedResponse(fit.model, windows, fit.evaluation.x0[some])
