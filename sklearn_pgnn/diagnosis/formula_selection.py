@@ -15,6 +15,7 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
+from sklearn_pgnn.estimation.likely_places import likely_places
 from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.physics.places import places_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -101,8 +102,9 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
     """Return the formula with the most evidence net of the price of its terms, if it is named."""
     problem, progress, found = search.fitter.problem, search.fitter.progress, []
     places = places_of(problem.prior)
-    progress.begin("formula", len(places))
-    for channel in places:
+    likely = likely_places(problem, ground, places)
+    progress.begin("formula", len(likely))
+    for channel in likely:
         with search.fitter.failures.tolerate((ground.hypothesis, channel), "formula", channel):
             found += propose(problem, ground, channel, progress.tick)
         progress.step()

@@ -15,6 +15,8 @@ residuals :math:`r` the share
 
 .. math:: 1 - \frac{\| r - R \hat d \|^2}{\| r \|^2}.
 
+Of many places those are looked at where any input explains most of what is left.
+
 A sensor's noise, however coloured, and a disturbance from outside cannot be predicted in this way.
 Measured states are no signals: their noise would explain itself.
 """
@@ -36,6 +38,7 @@ from sklearn_pgnn.estimation.budgets import FILTERS, FOLDS, SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import record_starts
 from sklearn_pgnn.estimation.held_out import segments
+from sklearn_pgnn.estimation.likely_places import likely_places
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import SimulationError
 from sklearn_pgnn.physics.places import places_of
@@ -136,7 +139,7 @@ def _places(
 ) -> Iterator["_Place"]:
     """Yield the places where the hidden input can be found."""
     signals = _Signals.of(problem, trial, timed) if names else None
-    for name in names:
+    for name in likely_places(problem, trial, tuple(names)):
         d = hidden_input(problem, trial, name, each_step).values
         if signals is not None and np.isfinite(d).all():
             yield _Place(problem, trial, name, signals, d)

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from sklearn_pgnn.diagnosis.term_choice import independent, telling_terms
-from sklearn_pgnn.diagnosis.term_library import term_library
+from sklearn_pgnn.diagnosis.term_library import leading_quantities, term_library
 from sklearn_pgnn.estimation.budgets import SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
@@ -151,7 +152,8 @@ def propose(
     if not np.all(np.isfinite(hidden.values)):
         return []
     table = smoothed_samples(problem, model, hidden)
-    terms = term_library(problem.prior, table)
+    leading = leading_quantities(problem.prior, table, hidden.values)
+    terms = term_library(problem.prior, table, leading)
     columns = np.column_stack([evaluate_samples(term, table, hidden.values.size) for term in terms])
     own = independent(columns[:: max(1, len(columns) // SAMPLES)])
     columns, terms = columns[:, own], [terms[i] for i in own]
@@ -234,6 +236,7 @@ def smoothed_samples(problem, model, hidden) -> dict[str, np.ndarray]:
     return {**table, "t": problem.windows.t}
 
 
+@lru_cache(maxsize=16)
 def library_size(model: PhysicsModel) -> int:
     """Return the number of terms that a formula may be made of at a place."""
     return len(term_library(model, (*model.states, *model.inputs, "t")))

@@ -7,7 +7,6 @@ spectrum of the rest are the starting values. That rate is not available if a se
 state has no sensor, so peaks are also searched in the residuals of the re-tuned model.
 """
 
-from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -17,13 +16,13 @@ from scipy.ndimage import median_filter
 from scipy.signal import argrelmax, lombscargle
 
 from sklearn_pgnn.estimation.budgets import BACKGROUND, CYCLE_STEP, LINES, ROUNDING, SAMPLES
-from sklearn_pgnn.exceptions import SimulationError
+from sklearn_pgnn.estimation.likely_places import Gains, gains_at
 from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port
-from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
+from sklearn_pgnn.simulation.added_response import AddedResponse, Addition
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -89,22 +88,25 @@ def ripples_left(
     """
     some, x0, found = windows.select(which), fit.evaluation.x0[which], {}
     some = replace(some, y=fit.evaluation.residual)
+    response = AddedResponse(fit.model, some, x0)
+    if not response.is_finite:
+        return {}
     for name, port in _moving_ports(fit.model).items():
         if port.displacement is not None:
             path = _path(fit.model, windows, x, port)
-            with suppress(SimulationError):
-                found[name] = _ripples_left(some, fit.model, x0, name, path)
+            found[name] = _ripples_left(response, gains_at(response, name), path)
     return found
 
 
-def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
-    travel = np.ptp(position)
+def _ripples_left(response: AddedResponse, gains: Gains, position: np.ndarray) -> tuple[float, ...]:
+    travel, y = np.ptp(position), response.windows.y
     if not travel > 0:
         return ()
     cycles = np.arange(1.0, MOST_CYCLES, CYCLE_STEP)
-    parts = -(-left.y.size // SAMPLES)  # of the waves, to limit the memory for their responses
+    parts = -(-y.size // SAMPLES)  # of the waves, to limit the memory for their responses
+    residual = response.without_states(y[..., None]).reshape(-1, 1)
     explained = [
-        _explained(left, model, x0, state, 2 * np.pi * position[:, None] * some / travel)
+        _explained(response, residual, gains, 2 * np.pi * position * some[:, None] / travel)
         for some in np.array_split(cycles, parts)
     ]
     power = np.concatenate(explained)
@@ -113,12 +115,11 @@ def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
     return tuple(float(travel / c) for c in cycles[highest])
 
 
-def _explained(windows, model, x0, state, phase) -> np.ndarray:
-    """Return the squares of windows that waves in a state's rate explain, by their phases."""
-    waves = np.hstack([np.cos(phase), np.sin(phase)])
-    responses, by_state = linear_responses(model, windows, x0, state, waves)
-    table = np.concatenate([windows.y[..., None], responses], axis=-1)
-    r, c, s = np.split(without_states(windows, table, by_state), [1, 1 + phase.shape[1]], axis=1)
+def _explained(response: AddedResponse, r, gains: Gains, phase: np.ndarray) -> np.ndarray:
+    """Return the squares of residuals that waves at a place explain, by their phases."""
+    every = (*np.cos(phase), *np.sin(phase))
+    waves = [Addition(tuple((i, gain * wave) for i, gain in gains)) for wave in every]
+    c, s = np.split(response.to(waves).reshape(r.size, -1), 2, axis=1)
     pairs = (c, c), (s, s), (c, s), (c, r), (s, r)
     cc, ss, cs, cr, sr = ((one * other).sum(axis=0) for one, other in pairs)
     common = cc * ss - cs**2

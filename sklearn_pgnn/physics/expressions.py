@@ -166,12 +166,23 @@ def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "
     >>> standard_form(x + 1, ("x",)) == symbol("x") + 1
     True
     """
-    held = {same_name(each.name) for each in expression.free_symbols - {TIME}}
-    own = tuple(name for name in names if same_name(name) in held)
+    known, held = _by_same_name(names), _held(expression)
+    own = tuple(known[name] for name in held if name in known)
     return _reread(expression, own if len(own) == len(held) else names, where)
 
 
-@lru_cache(maxsize=2048)
+@lru_cache(maxsize=128)
+def _by_same_name(names: tuple[str, ...]) -> dict[str, str]:
+    return {same_name(name): name for name in names}
+
+
+@lru_cache(maxsize=16384)
+def _held(expression: sympy.Expr) -> tuple[str, ...]:
+    """Return the names in an expression: SymPy walks through it for them."""
+    return tuple(sorted(same_name(each.name) for each in expression.free_symbols - {TIME}))
+
+
+@lru_cache(maxsize=16384)
 def _reread(expression: sympy.Expr, names: tuple[str, ...], where: str):
     external = {call.func.__name__: call.func for call in expression.atoms(External)}
     text = _RereadPrinter().doprint(expression)

@@ -127,10 +127,15 @@ def _alike(model: PhysicsModel, told: "dict[Wiring, _Fit]") -> list[Wiring]:
 
 
 def _wirings(trials: "_Trials") -> Iterator[Wiring]:
-    """Yield the wirings that are tried: of the factors only those that may be."""
+    """Yield the wirings that are tried: of the factors only those that may be.
+
+    What shows in an output that the model as given follows is wired right.
+    """
     for kind in WIRINGS:
         for target in kind.targets(trials.model):
             wiring = kind(target)
+            if trials.follows(wiring):
+                continue
             if not isinstance(wiring, Factor) or trials.may_be(wiring):
                 yield wiring
 
@@ -179,6 +184,12 @@ class _Trials:
     def doubts(self) -> bool:
         """Whether so much is left that a wiring may be wrong."""
         return bool((self.before > CLEARLY * FOLLOWS).any())
+
+    def follows(self, wiring: Wiring) -> bool:
+        """Return whether the model as given follows an output that a wiring would spoil."""
+        followed = self.given < FOLLOWS
+        told = {name for name, is_told in zip(self.model.outputs, followed, strict=True) if is_told}
+        return not told.isdisjoint(wiring.seen_at(self.model))
 
     def fitted(self, wiring: Wiring) -> _Fit:
         """Return the model as rewired."""

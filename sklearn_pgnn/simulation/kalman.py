@@ -25,13 +25,16 @@ OUTLIER = 25.0
 
 @njit(**INNER)
 def multiply(A, B, into):
-    """Fill an array with the product of two matrices."""
+    """Fill an array with the product of two matrices, rows being added; a zero costs nothing."""
     for i in range(into.shape[0]):
         for j in range(into.shape[1]):
-            total = 0.0
-            for m in range(A.shape[1]):
-                total += A[i, m] * B[m, j]
-            into[i, j] = total
+            into[i, j] = 0.0
+        for m in range(A.shape[1]):
+            factor = A[i, m]
+            if factor == 0.0:
+                continue
+            for j in range(into.shape[1]):
+                into[i, j] += factor * B[m, j]
 
 
 @njit(**INNER)
@@ -48,11 +51,19 @@ def _predict_covariance(S, C, noise, half):
     multiply(S, C, half)
     nx = C.shape[0]
     for i in range(nx):
+        for j in range(i):
+            half[i, j], half[j, i] = half[j, i], half[i, j]
+    for i in range(nx):
         for j in range(i + 1):
-            total = 0.0
-            for m in range(nx):
-                total += half[i, m] * S[j, m]
-            C[i, j] = C[j, i] = total
+            C[i, j] = 0.0
+        for m in range(nx):
+            factor = S[i, m]
+            if factor == 0.0:
+                continue
+            for j in range(i + 1):
+                C[i, j] += factor * half[m, j]
+        for j in range(i):
+            C[j, i] = C[i, j]
         C[i, i] += noise[i]
 
 

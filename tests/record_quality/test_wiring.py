@@ -194,3 +194,33 @@ def test_a_model_that_ends_at_once_has_no_wiring_and_is_no_bug(rate):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert find_wiring(model, read_records(model, X, np.sin(3 * t))) is None
+
+
+TIED = PhysicsModel(
+    {"x": "m", "v": "m/s", "z": "m"},
+    {"x": "v", "v": "F - k*x - v", "z": "x - z"},
+    {"k": 9.0},
+    {"F": "N"},
+    outputs={"a": "x", "b": "z"},
+)
+
+
+@pytest.mark.parametrize(
+    ("wiring", "outputs"),
+    [
+        (ReversedOutput("b"), {"b"}),
+        (ExchangedOutputs("a and b"), {"a", "b"}),
+        (ReversedTerm("-k*x in v"), {"a"}),
+        (ReversedTerm("-z in z"), {"b"}),
+        (ReversedInput("F"), set()),
+    ],
+    ids=lambda each: getattr(each, "id", ""),
+)
+def test_what_a_wiring_spoils_is_told_by_the_outputs_that_change_with_it(wiring, outputs):
+    assert set(wiring.seen_at(TIED)) == outputs
+    t = np.arange(0, 5, 0.02)
+    one, other = (
+        model.simulate(t, np.sin(3 * t), x0=[0.3, 0.0, 0.1]).y for model in (TIED, TIED + wiring)
+    )
+    for output, changed in zip(TIED.outputs, (one != other).any(axis=0), strict=True):
+        assert changed or output not in outputs

@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.repeated_rates import with_rates
+from sklearn_pgnn.physics.shown_states import shown_by
 
 #: powers of two and ten that counters, converters and prefixes put between two numbers
 POWERS = (*(2.0**n for n in range(8, 17)), 100.0, 1e3, 1e6)
@@ -64,6 +65,10 @@ class Wiring(Effect):
         """Return the effect itself: there is nothing to fit."""
         return (cls(target),)
 
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs that the model cannot follow without it, where that is known."""
+        return ()
+
     def lines(self, model: PhysicsModel) -> str:
         """Return what to write into the model file."""
         changed = self.apply(model)
@@ -101,6 +106,12 @@ class _Inputs:
 class _Outputs:
     """The channels that are outputs."""
 
+    channels_of: tuple[str, ...]
+
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs themselves."""
+        return self.channels_of
+
     @staticmethod
     def channels(model: PhysicsModel) -> tuple[str, ...]:
         """Return their names."""
@@ -129,6 +140,11 @@ class _Reversed(_OfChannels):
     """A channel with the other sign."""
 
     phrase = "reversed polarity of {target}"
+
+    @property
+    def channels_of(self) -> tuple[str, ...]:
+        """The channel."""
+        return (self.target,)
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -197,6 +213,14 @@ class ReversedTerm(Wiring):
         """Return the terms of the rates that are sums."""
         return tuple(name for rate in model.equations for name in _terms(model, rate))
 
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs that show the state, or the position whose velocity it is.
+
+        Where such an output is followed, all others see the right motion of the state.
+        """
+        rate = self.target.rsplit(_IN, 1)[1]
+        return tuple(output for output in model.outputs if rate in shown_by(model, output))
+
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Turn the term's sign."""
         rate = self.target.rsplit(_IN, 1)[1]
@@ -235,6 +259,11 @@ class _Exchanged(_OfChannels):
     """Two channels of one unit, as ``"left and right"``, whose columns are exchanged."""
 
     lacking = "has an"
+
+    @property
+    def channels_of(self) -> tuple[str, ...]:
+        """The two channels."""
+        return tuple(self.target.split(_AND))
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -305,6 +334,11 @@ class Factor(_OfChannels):
     def quantity(self) -> str:
         """The input or output."""
         return self.target.split(_ON, 1)[1]
+
+    @property
+    def channels_of(self) -> tuple[str, ...]:
+        """The channel."""
+        return (self.quantity,)
 
     @property
     def of_output(self) -> float:
