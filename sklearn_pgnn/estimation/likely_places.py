@@ -1,21 +1,12 @@
 """Places where what a hypothesis leaves may act: of many, those where any input explains most."""
 
-from collections.abc import Mapping
-
 import numpy as np
-import sympy
 
 from sklearn_pgnn.estimation.budgets import KEPT, ROUNDING, SAMPLES, STRETCHES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.places import add_at
-from sklearn_pgnn.simulation.added_response import AddedResponse, Addition
-from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
+from sklearn_pgnn.simulation.added_response import AddedResponse, Addition, gains_at
 from sklearn_pgnn.simulation.windows import ShootingWindows
-
-#: numbers of rows, rates before outputs, and by how much each changes at every sample
-Gains = list[tuple[int, np.ndarray]]
 
 #: most corners of a hidden input in a window. More follow a faster one, and take longer
 CORNERS = 20
@@ -65,22 +56,6 @@ def _polygons(windows: ShootingWindows) -> np.ndarray:
         along = np.linspace(0.0, count - 1.0, n)
         found[:, a : a + n] = np.maximum(0.0, 1.0 - np.abs(along - np.arange(count)[:, None]))
     return found
-
-
-def gains_at(response: AddedResponse, place: str) -> Gains:
-    """Return by how much a hidden input at a place changes rates and outputs."""
-    model, hidden = response.model, symbol("_hidden")
-    rows = {**model.equations, **_shown(model.outputs)}
-    changes = add_at(model, place, hidden)
-    changed = {**changes.get("equations", {}), **_shown(changes.get("outputs", {}))}
-    table = sample_table(model, response.windows, response.x)
-    slopes = [(i, changed[name].diff(hidden)) for i, name in enumerate(rows) if name in changed]
-    size = response.windows.t.size
-    return [(i, np.nan_to_num(evaluate_samples(s, table, size))) for i, s in slopes if s != 0]
-
-
-def _shown(outputs: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
-    return {f"{name} shown": expression for name, expression in outputs.items()}
 
 
 def _explained(windows: ShootingWindows, columns: np.ndarray, residual: np.ndarray) -> float:

@@ -16,13 +16,12 @@ from scipy.ndimage import median_filter
 from scipy.signal import argrelmax, lombscargle
 
 from sklearn_pgnn.estimation.budgets import BACKGROUND, CYCLE_STEP, LINES, ROUNDING, SAMPLES
-from sklearn_pgnn.estimation.likely_places import Gains, gains_at
 from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port
-from sklearn_pgnn.simulation.added_response import AddedResponse, Addition
+from sklearn_pgnn.simulation.added_response import AddedResponse, Addition, Gains, gains_at
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows

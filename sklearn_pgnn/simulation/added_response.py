@@ -9,20 +9,28 @@ the outputs, and additions :math:`b` to the rates and :math:`g` to the outputs,
 All additions go through the windows together, so that hundreds cost little more than one.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import sympy
 from numba import njit, types
 
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import add_at
 from sklearn_pgnn.simulation.kalman import multiply
 from sklearn_pgnn.simulation.linear_response import output_slopes, transitions
+from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.stepping import INNER, OPTIONS
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _I1 = types.int64[::1]
+
+#: numbers of rows, rates before outputs, and by how much each changes at every sample
+Gains = list[tuple[int, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -127,3 +135,19 @@ class AddedResponse:
         known = np.where(self._measured, by_state / self.windows.scale[:, None], 0.0)
         table = known.reshape(-1, n)
         return [np.linalg.qr(table[a:b])[0] for a, b in self._spans]
+
+
+def gains_at(response: AddedResponse, place: str) -> Gains:
+    """Return by how much a hidden input at a place changes rates and outputs."""
+    model, hidden = response.model, symbol("_hidden")
+    rows = {**model.equations, **_shown(model.outputs)}
+    changes = add_at(model, place, hidden)
+    changed = {**changes.get("equations", {}), **_shown(changes.get("outputs", {}))}
+    table = sample_table(model, response.windows, response.x)
+    slopes = [(i, changed[name].diff(hidden)) for i, name in enumerate(rows) if name in changed]
+    size = response.windows.t.size
+    return [(i, np.nan_to_num(evaluate_samples(s, table, size))) for i, s in slopes if s != 0]
+
+
+def _shown(outputs: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
+    return {f"{name} shown": expression for name, expression in outputs.items()}
