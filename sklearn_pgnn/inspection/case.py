@@ -15,7 +15,7 @@ from sklearn_pgnn.physics.effects.wiring import WIRINGS
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
-from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.port import Port, inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -82,7 +82,7 @@ class Case:
     def missing_effort(self, port: Port) -> np.ndarray:
         """Return the effort at a port that would make up for the missing rate of its flow."""
         missing = missing_rate_of(port, self.full, self.missing_rate)
-        return missing * self.samples.value(port.inertia(self.full))
+        return missing * self.samples.value(inertia_at(port, self.full))
 
 
 def missing_rate_of(

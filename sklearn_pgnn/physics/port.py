@@ -12,7 +12,7 @@ For a mechanism :math:`b = M^{-1} J^\top`, with the mass matrix :math:`M` and :m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import sympy
@@ -108,18 +108,19 @@ class Port:
         energy = self._energy(model, effort)
         return {"equations": rates, "outputs": outputs, "energy": energy}
 
-    def inertia(self, model: PhysicsModel) -> sympy.Expr:
-        """Return the inertia that an effort moves, as the model writes it where it does."""
-        if set(self.rates) == {self.name}:
-            return model.inertia.get(self.name, 1 / self.mobility)
-        return 1 / self.mobility
-
-    def against(self, model: PhysicsModel) -> str:
-        """Return where an effort resists, in words: a port may have the name of its flow."""
-        return f"against {self.name}" if self.name in model.states else f"at the {self.name}"
-
     def is_power(self, model: PhysicsModel) -> bool:
-        """Return whether effort times flow is known to be a power, not a change of a rate."""
+        """Return whether effort times flow is known to be a power, not a change of a rate.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model that has the port.
+
+        Returns
+        -------
+        bool
+            False for a velocity whose inertia the model does not give.
+        """
         return dict(self.rates) != {self.name: 1} or self.name in model.inertia
 
     def _energy(self, model: PhysicsModel, effort: sympy.Expr) -> dict[str, sympy.Expr]:
@@ -128,13 +129,6 @@ class Port:
         if energy and self.is_power(model):
             energy["dissipated"] = energy.get("dissipated", 0) + effort * self.flow
         return energy
-
-    def replaced(self, change: Callable[[sympy.Expr], sympy.Expr]) -> Port:
-        """Return the port with other coefficients."""
-        rates, outputs = (
-            {name: change(each) for name, each in of.items()} for of in (self.rates, self.outputs)
-        )
-        return Port(self.name, self.flow, self.displacement, rates, outputs, self.unit)
 
     def expressions(self) -> tuple[sympy.Expr, ...]:
         """Return everything that is an expression."""
@@ -165,3 +159,23 @@ def _less(
     if not above.has(1 / below):
         return (above - share * effort) / below
     return expression - slope * effort
+
+
+def inertia_at(port: Port, model: PhysicsModel) -> sympy.Expr:
+    """Return the inertia that an effort moves, as the model writes it where it does."""
+    if set(port.rates) == {port.name}:
+        return model.inertia.get(port.name, 1 / port.mobility)
+    return 1 / port.mobility
+
+
+def against(port: Port, model: PhysicsModel) -> str:
+    """Return where an effort resists, in words: a port may have the name of its flow."""
+    return f"against {port.name}" if port.name in model.states else f"at the {port.name}"
+
+
+def with_coefficients(port: Port, change: Callable[[sympy.Expr], sympy.Expr]) -> Port:
+    """Return a port with other coefficients."""
+    rates, outputs = (
+        {name: change(each) for name, each in of.items()} for of in (port.rates, port.outputs)
+    )
+    return replace(port, rates=rates, outputs=outputs)

@@ -17,7 +17,7 @@ from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.port import Port, with_coefficients
 from sklearn_pgnn.physics.repeated_rates import with_output, with_rates
 
 #: powers of two and ten that counters, converters and prefixes put between two numbers
@@ -438,7 +438,7 @@ class OtherClock(Wiring):
 
     def _paced(self, port: Port, second: sympy.Expr) -> Port:
         """Return a port at the pace of the file's time."""
-        later = port.replaced(lambda each: each.subs(TIME, second * TIME))
+        later = with_coefficients(port, lambda each: each.subs(TIME, second * TIME))
         return replace(later, rates={s: second * b for s, b in later.rates.items()})
 
     def lines(self, model: PhysicsModel) -> str:
