@@ -12,11 +12,12 @@ from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
 from sklearn_pgnn.physics.effects.differences import DIFFERENCES
+from sklearn_pgnn.physics.effects.formula import known_part
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
-from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.port import Port, inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -83,7 +84,7 @@ class Case:
     def missing_effort(self, port: Port) -> np.ndarray:
         """Return the effort at a port that would make up for the missing rate of its flow."""
         missing = missing_rate_of(port, self.full, self.missing_rate)
-        return missing * self.samples.value(port.inertia(self.full))
+        return missing * self.samples.value(inertia_at(port, self.full))
 
 
 def missing_rate_of(
@@ -118,7 +119,7 @@ def make_case(diagnosis, cause) -> Case:
     for other in sensors_last(without, tuple(others)):
         without = other.apply(without)
     if part is not None:
-        without = part.effect.known_to(without).apply(without)
+        without = known_part(part.effect, without).apply(without)
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}
     if cause.target in diagnosis.model.parameters:
         values.pop(cause.target)

@@ -16,7 +16,7 @@ from sklearn_pgnn.physics.effects.rates import RateEffect, is_moving
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.port import Port, against
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.source import differentiate
 
@@ -66,7 +66,7 @@ def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
     return Evidence(
         title=f"Missing {what} over {over}",
         x_label=label(over, unit),
-        y_label=label(f"{what} {port.against(model)}", port.unit),
+        y_label=label(f"{what} {against(port, model)}", port.unit),
         points=(x, -case.missing_effort(port)),
         lines=(_law(case, _effort(case, port), curve.over, x),),
         note=(

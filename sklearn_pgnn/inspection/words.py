@@ -20,6 +20,7 @@ from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import is_effort
+from sklearn_pgnn.physics.port import against
 from sklearn_pgnn.record_quality.drift import differing
 from sklearn_pgnn.record_quality.wording import listed
 
@@ -295,7 +296,7 @@ def place_name(model: PhysicsModel, target: str) -> str:
     if is_effort(model, target):
         of = model.port(target)
         force = "torque" if of.unit.endswith("N m") else "force"
-        return f"the {force} {of.against(model)}" if is_moving(model, of) else f"the {of.name}"
+        return f"the {force} {against(of, model)}" if is_moving(model, of) else f"the {of.name}"
     return f"the rate of {target}" if target in model.states else target
 
 

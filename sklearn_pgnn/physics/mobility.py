@@ -57,7 +57,7 @@ def inverse_masses(
     --------
     >>> m, v, w = sympy.symbols("m v w")
     >>> inverse_masses(m * v**2 + (v + w) ** 2, (v, w))[w]
-    {v: -1/m, w: (m + 1)/m}
+    {v: -1/(2*m), w: (m + 1)/(2*m)}
     """
     moving = tuple(v for v in velocities if energy.has(v))
     if not 0 < len(moving) <= MOST_VELOCITIES or energy.count_ops() > MOST_OPERATIONS:

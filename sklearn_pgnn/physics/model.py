@@ -55,7 +55,7 @@ from sklearn_pgnn.physics.model_parts import (
 )
 from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import Parameter, check_name
-from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.port import Port, with_coefficients
 from sklearn_pgnn.readings import reading
 
 
@@ -444,7 +444,7 @@ class PhysicsModel:
             part: entries_changed(change, getattr(self, part)) for part in EXPRESSIONS
         }
         ports = self.kept_ports.items()
-        return {**parts, "ports": {name: port.replaced(change) for name, port in ports}}
+        return {**parts, "ports": {name: with_coefficients(port, change) for name, port in ports}}
 
     def with_parameters(self, **values: Any) -> "PhysicsModel":
         """Return the model with other parameter values.

@@ -12,7 +12,7 @@ For a mechanism :math:`b = M^{-1} J^\top`, with the mass matrix :math:`M` and :m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import sympy
@@ -116,6 +116,7 @@ class Port:
         energy = self._energy(model, effort)
         return {"equations": rates, "outputs": outputs, "energy": energy, **forces}
 
+<<<<<<< HEAD
     def inertia(self, model: PhysicsModel) -> sympy.Expr:
         """Return the inertia that an effort moves, as the model writes it where it does."""
         if set(self.rates) == {self.name}:
@@ -126,8 +127,21 @@ class Port:
         """Return where an effort resists, in words: a port may have the name of its flow."""
         return f"against {self.name}" if self.name in model.states else f"at the {self.name}"
 
+=======
+>>>>>>> i-ports
     def is_power(self, model: PhysicsModel) -> bool:
-        """Return whether effort times flow is known to be a power, not a change of a rate."""
+        """Return whether effort times flow is known to be a power, not a change of a rate.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model that has the port.
+
+        Returns
+        -------
+        bool
+            False for a velocity whose inertia the model does not give.
+        """
         return dict(self.rates) != {self.name: 1} or self.name in model.inertia
 
     def _energy(self, model: PhysicsModel, effort: sympy.Expr) -> dict[str, sympy.Expr]:
@@ -138,6 +152,7 @@ class Port:
             energy["dissipated"] = energy.get("dissipated", 0) + effort * taken
         return energy
 
+<<<<<<< HEAD
     def _is_store(self, model: PhysicsModel, energy: Mapping[str, sympy.Expr]) -> bool:
         """Return whether the flow tells the content of a store, such as a temperature."""
         return "stored" in energy and set(map(str, self.flow.free_symbols)) <= set(model.capacity)
@@ -154,6 +169,8 @@ class Port:
         )
         return Port(self.name, self.flow, self.displacement, rates, outputs, self.unit)
 
+=======
+>>>>>>> i-ports
     def expressions(self) -> tuple[sympy.Expr, ...]:
         """Return everything that is an expression."""
         own = () if self.displacement is None else (self.displacement,)
@@ -188,3 +205,23 @@ def _less(
     if not above.has(1 / below):
         return (above - share * effort) / below
     return expression - slope * effort
+
+
+def inertia_at(port: Port, model: PhysicsModel) -> sympy.Expr:
+    """Return the inertia that an effort moves, as the model writes it where it does."""
+    if set(port.rates) == {port.name}:
+        return model.inertia.get(port.name, 1 / port.mobility)
+    return 1 / port.mobility
+
+
+def against(port: Port, model: PhysicsModel) -> str:
+    """Return where an effort resists, in words: a port may have the name of its flow."""
+    return f"against {port.name}" if port.name in model.states else f"at the {port.name}"
+
+
+def with_coefficients(port: Port, change: Callable[[sympy.Expr], sympy.Expr]) -> Port:
+    """Return a port with other coefficients."""
+    rates, outputs = (
+        {name: change(each) for name, each in of.items()} for of in (port.rates, port.outputs)
+    )
+    return replace(port, rates=rates, outputs=outputs)

@@ -7,6 +7,7 @@ import sympy
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.physics.scales import Scales
 
 
@@ -31,7 +32,7 @@ def typical_inertia(target: str, model: PhysicsModel, scales: Scales) -> float:
     >>> typical_inertia("omega", robot, Scales({}, {}, {}, 0.01, 1.0))
     0.1445
     """
-    inertia = model.port(target).inertia(model) if target in model.ports else sympy.Integer(1)
+    inertia = inertia_at(model.port(target), model) if target in model.ports else sympy.Integer(1)
     known = dict(scales.typical) | {name: p.value for name, p in model.parameters.items()}
     known[str(TIME)] = 0.0
     return abs(float(inertia.subs({s: known.get(str(s), 1.0) for s in inertia.free_symbols})))

@@ -9,7 +9,7 @@ from sklearn_pgnn.estimation.budgets import KEPT
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.likely_places import likely_places
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.physics.places import places_of
 from sklearn_pgnn.trajectories import read_records
 
 MASSES = 5
@@ -42,7 +42,7 @@ def test_the_mass_that_rubs_is_among_them(at):
     y = rig.simulate(t, force, substeps=5).y + 1e-3 * rng.normal(size=(t.size, MASSES))
     X = pd.DataFrame({"t": t, "F": force})
     fitter = HypothesisFitter(build_problem(model, read_records(model, X, y)))
-    names = channels(model)
+    names = places_of(model)
     assert len(names) > KEPT
     likely = likely_places(fitter.problem, fitter.base(), names)
     assert len(likely) == KEPT

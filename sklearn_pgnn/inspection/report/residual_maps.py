@@ -16,6 +16,7 @@ from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import is_effort
+from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states
 
 #: cells of a side, samples that a cell needs, and shades of a colour
@@ -110,7 +111,7 @@ def _of_port(diagnosis, samples: Samples, name: str) -> Maps:
     if not port.is_power(model):
         unit, panels = rate_unit(model.unit(name)), [("by the records", missing)]
         return _maps(diagnosis, samples, f"Missing in {name}'", unit, name, panels)
-    force = missing * samples.value(port.inertia(model))
+    force = missing * samples.value(inertia_at(port, model))
     place = f"on {name}" if name in model.states else f"at the {name}"
     panels = [("as the records show it", force)]
     return _maps(diagnosis, samples, f"Force that is missing {place}", port.unit, name, panels)

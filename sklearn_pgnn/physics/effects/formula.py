@@ -20,6 +20,22 @@ if TYPE_CHECKING:
     from sklearn_pgnn.physics.scales import Scales
 
 
+def known_part(formula: Formula, model: PhysicsModel) -> Formula:
+    """Return the part of a formula without the states that only another effect adds.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> formula = Formula("v", ("x**2", "force_lagged"), (0.1, 0.2))
+    >>> known_part(formula, cart_on_spring()).terms
+    ('x**2',)
+    """
+    pairs = zip(formula.terms, formula.coefficients, strict=True)
+    known = [(term, value) for term, value in pairs if _is_known(term, model)]
+    terms, coefficients = (tuple(part) for part in zip(*known)) if known else ((), ())
+    return replace(formula, terms=terms, coefficients=coefficients)
+
+
 def _is_known(term: str, model: PhysicsModel) -> bool:
     """Return whether a model has all states and inputs of a term."""
     try:
@@ -102,21 +118,6 @@ class Formula(Effect):
         """Return the coefficients."""
         pairs = zip(self.names().values(), self.coefficients, strict=True)
         return tuple(Parameter(name, value) for name, value in pairs)
-
-    def known_to(self, model: PhysicsModel) -> Formula:
-        """Return the part whose terms contain no state that only another effect adds.
-
-        Examples
-        --------
-        >>> from sklearn_pgnn.physics.systems import cart_on_spring
-        >>> Formula("v", ("x**2", "force_lagged"), (0.1, 0.2)).known_to(cart_on_spring()).terms
-        ('x**2',)
-        """
-        pairs = zip(self.terms, self.coefficients, strict=True)
-        known = [(term, value) for term, value in pairs if _is_known(term, model)]
-        return replace(
-            self, terms=tuple(term for term, _ in known), coefficients=tuple(c for _, c in known)
-        )
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the terms."""
