@@ -116,19 +116,6 @@ class Port:
         energy = self._energy(model, effort)
         return {"equations": rates, "outputs": outputs, "energy": energy, **forces}
 
-<<<<<<< HEAD
-    def inertia(self, model: PhysicsModel) -> sympy.Expr:
-        """Return the inertia that an effort moves, as the model writes it where it does."""
-        if set(self.rates) == {self.name}:
-            return own_entry(model.inertia, self.name) or 1 / self.mobility
-        return 1 / self.mobility
-
-    def against(self, model: PhysicsModel) -> str:
-        """Return where an effort resists, in words: a port may have the name of its flow."""
-        return f"against {self.name}" if self.name in model.states else f"at the {self.name}"
-
-=======
->>>>>>> i-ports
     def is_power(self, model: PhysicsModel) -> bool:
         """Return whether effort times flow is known to be a power, not a change of a rate.
 
@@ -152,7 +139,6 @@ class Port:
             energy["dissipated"] = energy.get("dissipated", 0) + effort * taken
         return energy
 
-<<<<<<< HEAD
     def _is_store(self, model: PhysicsModel, energy: Mapping[str, sympy.Expr]) -> bool:
         """Return whether the flow tells the content of a store, such as a temperature."""
         return "stored" in energy and set(map(str, self.flow.free_symbols)) <= set(model.capacity)
@@ -162,15 +148,6 @@ class Port:
         slopes = (stored.diff(symbol(state)) * b for state, b in self.rates.items())
         return sympy.Add(*slopes)
 
-    def replaced(self, change: Callable[[sympy.Expr], sympy.Expr]) -> Port:
-        """Return the port with other coefficients."""
-        rates, outputs = (
-            {name: change(each) for name, each in of.items()} for of in (self.rates, self.outputs)
-        )
-        return Port(self.name, self.flow, self.displacement, rates, outputs, self.unit)
-
-=======
->>>>>>> i-ports
     def expressions(self) -> tuple[sympy.Expr, ...]:
         """Return everything that is an expression."""
         own = () if self.displacement is None else (self.displacement,)
@@ -210,7 +187,7 @@ def _less(
 def inertia_at(port: Port, model: PhysicsModel) -> sympy.Expr:
     """Return the inertia that an effort moves, as the model writes it where it does."""
     if set(port.rates) == {port.name}:
-        return model.inertia.get(port.name, 1 / port.mobility)
+        return own_entry(model.inertia, port.name) or 1 / port.mobility
     return 1 / port.mobility
 
 

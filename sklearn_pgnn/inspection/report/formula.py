@@ -16,6 +16,7 @@ from sklearn_pgnn.inspection.words import dependence, place_name
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import is_effort, unit_at
+from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
 
 
@@ -79,7 +80,7 @@ class FoundFormula:
     def inertia(self) -> str:
         """The inertia of a rate that a force stands for."""
         port = self.model.port(self.part.target) if self.force else None
-        return "" if port is None else to_text(port.inertia(self.model))
+        return "" if port is None else to_text(inertia_at(port, self.model))
 
     @cached_property
     def samples(self) -> Samples:

@@ -32,7 +32,7 @@ def known_part(formula: Formula, model: PhysicsModel) -> Formula:
     """
     pairs = zip(formula.terms, formula.coefficients, strict=True)
     known = [(term, value) for term, value in pairs if _is_known(term, model)]
-    terms, coefficients = (tuple(part) for part in zip(*known)) if known else ((), ())
+    terms, coefficients = tuple(term for term, _ in known), tuple(value for _, value in known)
     return replace(formula, terms=terms, coefficients=coefficients)
 
 

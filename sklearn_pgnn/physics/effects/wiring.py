@@ -16,13 +16,9 @@ from sklearn_pgnn.physics.effect import Effect, Scales
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
-<<<<<<< HEAD
+from sklearn_pgnn.physics.port import Port, with_coefficients
 from sklearn_pgnn.physics.repeated_rates import with_rates
 from sklearn_pgnn.physics.shown_states import shown_by
-=======
-from sklearn_pgnn.physics.port import Port, with_coefficients
-from sklearn_pgnn.physics.repeated_rates import with_output, with_rates
->>>>>>> i-ports
 
 #: powers of two and ten that counters, converters and prefixes put between two numbers
 POWERS = (*(2.0**n for n in range(8, 17)), 100.0, 1e3, 1e6)
@@ -474,9 +470,6 @@ class OtherClock(Wiring):
         second = _number(CLOCKS[self.target])
         rates = {s: second * e.subs(TIME, second * TIME) for s, e in model.equations.items()}
         outputs = {s: e.subs(TIME, second * TIME) for s, e in model.outputs.items()}
-<<<<<<< HEAD
-        return {"equations": rates, "outputs": outputs}
-=======
         ports = {n: self._paced(port, second) for n, port in model.kept_ports.items()}
         return {"equations": rates, "outputs": outputs, "ports": ports}
 
@@ -484,7 +477,6 @@ class OtherClock(Wiring):
         """Return a port at the pace of the file's time."""
         later = with_coefficients(port, lambda each: each.subs(TIME, second * TIME))
         return replace(later, rates={s: second * b for s, b in later.rates.items()})
->>>>>>> i-ports
 
     def lines(self, model: PhysicsModel) -> str:
         """Return the column of the time with its unit."""
