@@ -1,4 +1,4 @@
-"""Importers: Python functions, python-control systems, CasADi functions, FMUs and robots as models."""
+"""Importers: functions, python-control systems, CasADi, FMUs and robots as models."""
 
 from sklearn_pgnn.priors.casadi_program import from_casadi
 from sklearn_pgnn.priors.fmu_model import from_fmu

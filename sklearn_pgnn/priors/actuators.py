@@ -61,8 +61,8 @@ def _require_plain(path: str, m: Any, number: int) -> None:
         if getattr(m, f"actuator_{kind}")[number] > most:
             name = m.actuator(number).name or f"number {number + 1}"
             raise ModelError(
-                f"{path}: actuator {name}: expected a motor, or a servo of position or velocity, at "
-                f"a joint and without a state of its own, got another {kind}. {_OWN_TORQUES}"
+                f"{path}: actuator {name}: expected a motor, or a servo of position or velocity, "
+                f"at a joint and without a state of its own, got another {kind}. {_OWN_TORQUES}"
             )
 
 

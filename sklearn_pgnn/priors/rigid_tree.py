@@ -6,7 +6,6 @@ The equations of an arm of six joints would fill books; the entries of :math:`M^
 are computed, see `sklearn_pgnn.simulation.rigid_bodies`, and so are their derivatives.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -102,7 +101,9 @@ class TreeDynamics:
         known = TreeSlopes(self.tree, tuple(every))
         sizes = np.abs([known(tuple(point)) for point in points]).max(axis=0)
         matters = sizes > NOTHING * sizes.max()
-        return TreeSlopes(self.tree, tuple(one for one, does in zip(every, matters) if does))
+        return TreeSlopes(
+            self.tree, tuple(one for one, does in zip(every, matters, strict=True) if does)
+        )
 
     @cached_property
     def outside(self) -> tuple[ExternalFunction, ExternalFunction]:
@@ -113,7 +114,8 @@ class TreeDynamics:
         entry = dict(zip(self.entries, results, strict=True))
         slopes = [f"d({entry[i, j]})/d({names[a]})" for a, i, j in self.slopes.which]
         given = ((self, "dynamics", results), (self.slopes, "slope", slopes))
-        return tuple(external_function(call, name, names, r, n + 1) for call, name, r in given)  # type: ignore[return-value]
+        value, slope = (external_function(call, name, names, r, n + 1) for call, name, r in given)
+        return value, slope
 
     @cached_property
     def _slope_places(self) -> dict[tuple[int, int, int], int]:
@@ -131,6 +133,3 @@ class TreeDynamics:
 
     def __reduce__(self):
         return TreeDynamics, (self.tree, self.free)
-
-
-Compiled = Callable[[Numbers], list[float]]

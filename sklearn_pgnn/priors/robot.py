@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +28,12 @@ def from_urdf(
 
     .. math:: M(q)\, \dot w + h(q, w) + d\, w + F_c\, \mathrm{sign}(w) = \tau, \qquad \dot q = w
 
-    The states are ``q_NAME`` and ``w_NAME`` of every joint that moves (``v_NAME`` of a sliding one),
-    the inputs its torque ``tau_NAME`` (its force ``F_NAME``), the outputs the positions. Every joint
-    is a port under its own name: effects act on it through the whole mass matrix. Inertias are those
-    of the file and stay. What ``<dynamics damping friction>`` gives is a parameter, ``damping_NAME``
-    and ``friction_NAME``, and can be fitted. Limits of ``<limit>`` act in the robot's controller and
-    are no part of the model; neither are contacts.
+    The states are ``q_NAME`` and ``w_NAME`` of every joint that moves (``v_NAME`` of one that
+    slides), the inputs its torque ``tau_NAME`` (its force ``F_NAME``), the outputs the positions.
+    Every joint is a port under its own name: effects act on it through the whole mass matrix.
+    Inertias are those of the file and stay. What ``<dynamics damping friction>`` gives is a
+    parameter, ``damping_NAME`` and ``friction_NAME``, and can be fitted. Limits of ``<limit>`` act
+    in the robot's controller and are no part of the model; neither are contacts.
 
     MuJoCo reads the file and checks its masses. The dynamics are compiled, with exact derivatives,
     and agree with MuJoCo's to rounding.

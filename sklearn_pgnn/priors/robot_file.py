@@ -122,7 +122,7 @@ class Payload:
 
 
 def tree_of(m: Any, joints: tuple[str, ...], payload: Payload | None) -> RigidTree:
-    """Return joints and links in the world's axes, bodies without a joint on those that hold them."""
+    """Return joints and links in the world's axes, fixed bodies with those that hold them."""
     import mujoco
 
     data = mujoco.MjData(m)

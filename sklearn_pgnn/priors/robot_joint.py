@@ -16,24 +16,26 @@ from sklearn_pgnn.physics.port import Port
 #: letters of velocity and effort, and their units, at a hinge and at a slide
 HINGE = {"w": "w", "e": "tau", "x": "rad", "effort": "N m"}
 SLIDE = {"w": "v", "e": "F", "x": "m", "effort": "N"}
-#: unit of what resists a joint, in the words of MJCF
+#: what resists a joint, in the words of MJCF: its unit, and its force over stretch and velocity
 RESISTS = {
-    "damping": "{effort}/({x}/s)",
-    "friction": "{effort}",
-    "stiffness": "{effort}/{x}",
-    "armature": "{effort}/({x}/s^2)",
+    "damping": ("{effort}/({x}/s)", lambda q, w: w),
+    "drag": ("{effort}/({x}/s)^2", lambda q, w: w * sympy.Abs(w)),
+    "cubic_drag": ("{effort}/({x}/s)^3", lambda q, w: w**3),
+    "friction": ("{effort}", lambda q, w: sympy.sign(w)),
+    "stiffness": ("{effort}/{x}", lambda q, w: q),
+    "quadratic_stiffness": ("{effort}/{x}^2", lambda q, w: q**2),
+    "cubic_stiffness": ("{effort}/{x}^3", lambda q, w: q**3),
 }
+ARMATURE = "{effort}/({x}/s^2)"
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint with one coordinate; what it resists with is in SI units, zero where it does not."""
+    """A joint with one coordinate, what it resists with, and where its spring is at rest."""
 
     name: str
     slides: bool
-    damping: float
-    friction: float
-    stiffness: float
+    resists: Mapping[str, float]
     armature: float
     rest: float
 
@@ -68,22 +70,28 @@ class Joint:
     @property
     def parameters(self) -> dict[str, dict]:
         """What the file says of it, as parameters that may be fitted."""
+        units = {word: unit for word, (unit, _) in RESISTS.items()} | {"armature": ARMATURE}
+        values = {**self.resists, "armature": self.armature}
         return {
             f"{word}_{self.name}": {
-                "value": getattr(self, word),
-                "unit": self.unit(unit),
-                "bounds": (0.0, np.inf),
+                "value": value,
+                "unit": self.unit(units[word]),
+                "bounds": (-np.inf if "quadratic" in word else 0.0, np.inf),
             }
-            for word, unit in RESISTS.items()
-            if getattr(self, word)
+            for word, value in values.items()
+            if value
         }
 
     @property
+    def stretch(self) -> sympy.Expr:
+        """How far its spring is stretched."""
+        return self.q - sympy.Float(self.rest) if self.rest else self.q
+
+    @property
     def resistance(self) -> sympy.Expr:
-        r"""The torque :math:`d w + F_c\, \mathrm{sign}(w) + k (q - q_0)`, of what is not zero."""
-        stretch = self.q - sympy.Float(self.rest) if self.rest else self.q
-        terms = {"damping": self.w, "friction": sympy.sign(self.w), "stiffness": stretch}
-        return sympy.Add(*(self.symbol(k) * of for k, of in terms.items() if getattr(self, k)))
+        """The torque of all that resists it."""
+        acting = (word for word, value in self.resists.items() if value)
+        return sympy.Add(*(self.symbol(k) * RESISTS[k][1](self.stretch, self.w) for k in acting))
 
     def port(self, rates: Mapping[str, sympy.Expr]) -> Port:
         """Return the port of its effort."""
@@ -97,17 +105,18 @@ def joints_of(m: Any) -> list[Joint]:
     if twice:
         raise ModelError(f"expected joints of different names, got {min(twice)!r} twice.")
     return [
-        Joint(
-            name,
-            bool(m.jnt_type[i] == 2),
-            float(m.dof_damping[i]),
-            float(m.dof_frictionloss[i]),
-            float(m.jnt_stiffness[i]),
-            armature_of(m, i),
-            float(m.qpos_spring[i]),
-        )
+        Joint(name, bool(m.jnt_type[i] == 2), _resists(m, i), armature_of(m, i), m.qpos_spring[i])
         for i, name in enumerate(names)
     ]
+
+
+def _resists(m: Any, i: int) -> dict[str, float]:
+    """Return what resists a joint; older versions of MuJoCo know no polynomials."""
+    none = np.zeros((m.nv, 2))
+    drag = getattr(m, "dof_dampingpoly", none)[i]
+    spring = getattr(m, "jnt_stiffnesspoly", none)[i]
+    values = (m.dof_damping[i], *drag, m.dof_frictionloss[i], m.jnt_stiffness[i], *spring)
+    return dict(zip(RESISTS, map(float, values), strict=True))
 
 
 def armature_of(m: Any, joint: int) -> float:

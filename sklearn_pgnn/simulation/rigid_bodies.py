@@ -1,10 +1,10 @@
 r"""Rigid-body dynamics of a tree of joints, compiled, with its derivatives.
 
-A twist is a pair of vectors :math:`(\omega, v)`, a wrench one :math:`(\tau, f)`, both in the world's
-axes about the world's origin; an inertia is mass, first moment :math:`mc` and tensor :math:`J`. With
-the twist :math:`S_i` of joint :math:`i`, velocity :math:`v_i` and bias acceleration :math:`a_i` of
-its link (gravity accelerates the base) and the wrench :math:`f_i = I_i a_i + v_i \times^* I_i v_i`,
-and a bar for the sum over a link and all behind it,
+A twist is a pair of vectors :math:`(\omega, v)`, a wrench one :math:`(\tau, f)`, both in the
+world's axes about its origin; an inertia is mass, first moment :math:`mc` and tensor :math:`J`.
+With the twist :math:`S_i` of joint :math:`i`, velocity :math:`v_i` and bias acceleration
+:math:`a_i` of its link (gravity accelerates the base), the wrench
+:math:`f_i = I_i a_i + v_i \times^* I_i v_i`, and a bar for the sum over a link and all behind it,
 
 .. math:: M_{ij} = S_i \cdot \bar I_j S_j, \qquad h_i = S_i \cdot \bar f_i
 
