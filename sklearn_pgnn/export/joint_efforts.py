@@ -4,9 +4,8 @@ A rate is :math:`\dot w_i = \sum_j (M^{-1})_{ij} e_j` with the effort
 :math:`e_j = \tau_j - F_j - h_j`; the factors of the entries of :math:`M^{-1}` are read off.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import sympy
 
@@ -69,7 +68,7 @@ def _split(joint: Joint, effort: sympy.Expr) -> JointEffort:
     own = {joint.q, joint.w}
     resists = [t for t in terms if t.free_symbols <= own]
     drive = sympy.Add(*(t for t in terms if not t.free_symbols <= own))
-    found = {word: 0.0 for word in RESISTS}
+    found = dict.fromkeys(RESISTS, 0.0)
     constant, unsaid = 0.0, []
     for term in resists:
         number, of = term.as_coeff_Mul()
