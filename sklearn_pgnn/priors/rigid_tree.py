@@ -69,6 +69,11 @@ class TreeSlopes:
         """Return them at a point."""
         return reading("rigid_bodies")(self)(point)
 
+    @property
+    def size(self) -> int:
+        """Number of results."""
+        return len(self.which)
+
 
 @dataclass(frozen=True)
 class TreeDynamics:
@@ -84,6 +89,11 @@ class TreeDynamics:
     def __call__(self, point: Numbers) -> list[float]:
         """Return them at a point."""
         return reading("rigid_bodies")(self)(point)
+
+    @property
+    def size(self) -> int:
+        """Number of results."""
+        return len(self.entries)
 
     @cached_property
     def entries(self) -> tuple[tuple[int, int], ...]:

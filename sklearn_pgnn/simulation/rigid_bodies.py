@@ -489,10 +489,9 @@ def _fill_slopes(tree, point, which, out):
 @cache
 def compiled(function: TreeDynamics | TreeSlopes) -> Any:
     """Return a C function of the addresses of a point and of the results."""
-    tree, which = function.tree.arrays, np.array(getattr(function, "which", ()), np.int64)
-    n, count = 3 * function.tree.size + 1, len(which)
+    tree, n, count = function.tree.arrays, 3 * function.tree.size + 1, function.size
+    which = np.array(getattr(function, "which", ()), np.int64)
     if isinstance(function, TreeDynamics):
-        count = len(function.entries)
 
         @numba.cfunc(types.void(_NUMBERS, _NUMBERS))
         def entry(point, out):
@@ -509,9 +508,7 @@ def compiled(function: TreeDynamics | TreeSlopes) -> Any:
 
 def at_points(function: TreeDynamics | TreeSlopes) -> Callable[[Sequence[float]], list[float]]:
     """Return a function of the dynamics as one of a point in Python."""
-    entry = compiled(function).ctypes
-    n, count = 3 * function.tree.size + 1, len(getattr(function, "which", ()))
-    count = count or len(function.entries)
+    entry, n, count = compiled(function).ctypes, 3 * function.tree.size + 1, function.size
 
     def at(point):
         out = (ctypes.c_double * count)()
