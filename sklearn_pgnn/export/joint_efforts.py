@@ -51,13 +51,15 @@ def _efforts(model: PhysicsModel, joints: list[Joint]):
     }
     marks = {entry: sympy.Dummy(real=True) for entry in dict.fromkeys(entries.values())}
     rates = [model.equations[str(joint.w)].xreplace(marks) for joint in joints]
+    nowhere = dict.fromkeys(marks.values(), sympy.Integer(0))
     for i, joint in enumerate(joints):
+        beside = rates[i].xreplace(nowhere)
         found = [sympy.expand(rates[k].diff(marks[entries[k, i]])) for k in range(len(joints))]
-        if model.equations[str(joint.q)] != joint.w or any(each != found[i] for each in found):
+        if model.equations[str(joint.q)] != joint.w or beside or set(found) != {found[i]}:
             raise ModelError(
                 f"expected what acts on joint {joint.name!r} to do so through its torque, in every "
-                f"rate, got {to_text(model.equations[str(joint.q)])} and other efforts in some "
-                f"rates. Remedy: effects on the port {joint.name!r}."
+                f"rate, got something else in some of them. Remedy: effects on the port "
+                f"{joint.name!r}."
             )
         yield joint, found[i]
 

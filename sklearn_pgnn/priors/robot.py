@@ -136,7 +136,10 @@ def _model(m: Any, path: str, commanded: bool, payload, more: Mapping) -> Physic
     q, w = [joint.q for joint in joints], [joint.w for joint in joints]
     drive = controls(path, m, joints) if commanded else torques(joints)
     own = [joint.parameters for joint in joints]
-    parameters: dict[str, Any] = {**drive.parameters, **{name: p for part in own for name, p in part.items()}}
+    parameters: dict[str, Any] = {
+        **drive.parameters,
+        **{name: p for part in own for name, p in part.items()},
+    }
     if held is not None:
         parameters["payload"] = {"value": 0.0, "unit": "kg", "bounds": (0.0, np.inf)}
     inverse, bias = _entries(m, joints, held)
