@@ -12,7 +12,7 @@ SIX = (
     ("l4", "0.38 0 0", "0 1 0", 2.2, "0.04 0 0", (0.004, 0.006, 0.006)),
     ("l5", "0.09 0 0", "1 0 0", 0.8, "0.03 0.004 0", (0.001, 0.0009, 0.0009)),
 )
-DAMPING = (2.0, 3.0, 2.0, 0.5, 0.5, 0.3)
+DAMPING = (2.0, 3.0, 2.0, 0.3, 0.1, 0.02)
 
 TREE = """<mujoco model="tree"><option gravity="1 2 -9"/><worldbody>
 <body pos="0 0 .3" euler="10 20 30"><joint name="a" axis="0 0 1" armature="0.3"/>
@@ -48,7 +48,7 @@ def six_axes(n: int = 6, damping=DAMPING, friction=(0.0,) * 6) -> str:
     return "\n".join([*parts, "</robot>"])
 
 
-def moved_records(m, names, *, records=5, samples=500, interval=0.01, seed=0, noise=2e-5):
+def moved_records(m, names, *, records=5, samples=500, interval=0.01, seed=0, noise=1e-4):
     """Return records of MuJoCo's own simulation under torques that follow sums of sines."""
     import mujoco
 
