@@ -16,7 +16,6 @@ from sklearn_pgnn.priors import from_fmu, from_mjcf, from_urdf
 from sklearn_pgnn.trajectories.files import open_file, read_files
 from sklearn_pgnn.trajectories.several_files import read_each
 
-
 #: how files are read that are no model files, by their ending
 READERS = {".fmu": from_fmu, ".urdf": from_urdf, ".xml": from_mjcf, ".mjcf": from_mjcf}
 
