@@ -86,18 +86,28 @@ def missing_efforts(model: PhysicsModel, X: ArrayLike, y: ArrayLike) -> pd.DataF
         cut = max(FEWEST, int(ENDS * (b - a)))
         rows += range(a + cut, b - cut)
     f, B = _evaluated(model, ports, x[rows], u[rows])
-    F = np.linalg.solve(B, (f - rates[rows])[..., np.newaxis])[..., 0]
-    table = pd.DataFrame(
+    F = _solved(model, B, f - rates[rows])
+    return pd.DataFrame(
         [_laws(model, p, F[:, j], x[rows]) for j, p in enumerate(ports)],
         index=pd.Index([port.name for port in ports], name="port"),
     )
-    return table
 
 
-def is_mechanism(model: PhysicsModel) -> bool:
-    """Return whether what is missing at the ports of a model can be told by `missing_efforts`."""
+def _solved(model: PhysicsModel, B: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    r"""Return :math:`B^{-1} r` at every sample."""
     try:
-        return bool(_ports(model))
+        return np.linalg.solve(B, rest[..., np.newaxis])[..., 0]
+    except np.linalg.LinAlgError as error:
+        raise ModelError(
+            f"missing_efforts: expected ports of {model.name!r} that move every velocity, got "
+            f"coefficients that have no inverse at a sample. Remedy: check the ports' 'rates'."
+        ) from error
+
+
+def has_several_joints(model: PhysicsModel) -> bool:
+    """Return whether `missing_efforts` can tell joints of a model from each other."""
+    try:
+        return len(_ports(model)) > 1
     except ModelError:
         return False
 
