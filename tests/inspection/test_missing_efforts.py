@@ -8,7 +8,11 @@ from robots import moved_records, six_axes
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.inspection import missing_efforts
+from sklearn_pgnn.physics.effects.wiring import ReversedInput
 from sklearn_pgnn.priors import from_urdf
+from sklearn_pgnn.record_quality.joint_torques import told_by_torques
+from sklearn_pgnn.record_quality.wiring import find_wiring
+from sklearn_pgnn.trajectories import read_records
 
 
 def records_of(friction, n, tmp_path, **options):
@@ -84,7 +88,16 @@ def test_it_is_exact_where_the_records_are():
 )
 def test_what_is_no_mechanism_is_refused(model, said):
     X, y = np.zeros((30, 1 + len(model.inputs))), np.zeros((30, len(model.outputs)))
-    with pytest.raises(
-        ModelError, match=f"with a port for every velocity.*{said}.*Remedy: declare"
-    ):
+    with pytest.raises(ModelError, match=f"a port for every velocity.*{said}.*Remedy: declare"):
         missing_efforts(model, X, y)
+
+
+@pytest.mark.slow
+def test_channels_of_joints_whose_torque_agrees_are_not_doubted(tmp_path):
+    arm, X, y = records_of((0.0, 9.0, 0.0), 3, tmp_path, records=2, samples=300)
+    turned = X.assign(tau_j3=-X["tau_j3"])
+    right = [told_by_torques(arm, read_records(arm, given, y), None) for given in (X, turned)]
+    assert right[0] == {*X.columns[2:], *y.columns}
+    assert right[1] == {"q_j1", "q_j2", "tau_j1", "tau_j2"}
+    found = find_wiring(arm, read_records(arm, turned, y))
+    assert found.wirings[0] == ReversedInput("tau_j3")
