@@ -117,7 +117,7 @@ def _write(copy: "_Copy", path: Path) -> Path:
     unsaid = list(copy.fill())
     if unsaid:
         raise ModelError(
-            f"{path}: {copy.article} {copy.kind} file cannot say {'; nor '.join(unsaid)}. Remedy: "
+            f"{path.name}: {copy.article} {copy.kind} file cannot say {'; nor '.join(unsaid)}. Remedy: "
             f"write the model without that, and what it says by hand."
         )
     text = ElementTree.tostring(copy.root, encoding="unicode")
