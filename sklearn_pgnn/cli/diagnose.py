@@ -31,6 +31,7 @@ from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import DiagnosisWarning, ModelError, RecordWarning
 from sklearn_pgnn.export import to_mjcf, to_urdf
+from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.trajectories.files import read_files
@@ -172,7 +173,7 @@ def write_robot(source: Path, diagnosis: ModelDiagnosis, folder: Path) -> None:
     if write is None or not hasattr(diagnosis, "extended_model_"):
         return
     try:
-        write(diagnosis.extended_model_, source, folder / f"{ROBOT}{source.suffix.lower()}")
+        write(model_with_all(diagnosis), source, folder / f"{ROBOT}{source.suffix.lower()}")
     except ModelError as error:
         click.echo(f"Warning: {one_line(error)}", err=True)
 
