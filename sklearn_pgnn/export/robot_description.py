@@ -117,8 +117,8 @@ def _write(copy: "_Copy", path: Path) -> Path:
     unsaid = list(copy.fill())
     if unsaid:
         raise ModelError(
-            f"{path.name}: {copy.article} {copy.kind} file cannot say {'; nor '.join(unsaid)}. Remedy: "
-            f"write the model without that, and what it says by hand."
+            f"{path.name}: {copy.article} {copy.kind} file cannot say {'; nor '.join(unsaid)}. "
+            f"Remedy: write the model without that, and what it says by hand."
         )
     text = ElementTree.tostring(copy.root, encoding="unicode")
     write_whole(path, f'<?xml version="1.0"?>\n{text}\n')

@@ -1,6 +1,7 @@
 """Robots from URDF and MJCF: against MuJoCo's dynamics, balances, and what is refused."""
 
 import pickle
+import sys
 
 import numpy as np
 import pytest
@@ -224,3 +225,9 @@ def test_a_body_that_does_not_move_holds_no_payload(tmp_path):
         from_urdf(path, payload="base")
     with pytest.raises(ModelError, match="three numbers"):
         from_urdf(path, payload=("l2", (0.0, 1.0)))
+
+
+def test_without_mujoco_it_is_said_how_to_install_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(ModuleNotFoundError, match=r"needs mujoco.*sklearn-pgnn\[robots\]"):
+        from_urdf(written(tmp_path, six_axes(1)))
