@@ -16,7 +16,7 @@ from sklearn_pgnn.physics.effects.rates import RateEffect, is_moving
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.port import Port, against
+from sklearn_pgnn.physics.port import Port, against, inertia_at
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.source import differentiate
 
@@ -151,7 +151,7 @@ def _effort(case: Case, port: Port) -> sympy.Expr:
         return case.effect.effort(case.without)
     state, mobility = next(iter(port.rates.items()))
     added = expanded(case.full.equations[state] - case.without.equations[state])
-    return -added * case.full.inertia.get(state, 1 / mobility)
+    return -added * (inertia_at(port, case.full) if len(port.rates) == 1 else 1 / mobility)
 
 
 def _what_is_missing(model: PhysicsModel, port: Port) -> str:

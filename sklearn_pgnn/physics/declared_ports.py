@@ -6,14 +6,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.derived_units import force_unit
+from sklearn_pgnn.physics.derived_units import EFFORTS, force_unit
 from sklearn_pgnn.physics.expressions import same_name, symbol
 from sklearn_pgnn.physics.found_ports import found_ports
+from sklearn_pgnn.physics.mass_matrix import BALANCES, coupled, is_stated, rates_of_flow
 from sklearn_pgnn.physics.model_parts import as_expression, as_mapping, as_text, check_keys
 from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import check_name
@@ -60,8 +61,18 @@ class Ports(Mapping[str, Port]):
     @property
     def kept(self) -> dict[str, Port]:
         """What a model keeps that is made from this one: ports that it could not find again."""
-        several = [port for port in self._all.values() if len(port.rates) > 1]
+        model = self._model
+        stated = {*coupled(model.inertia), *coupled(model.capacity)}
+        several = [p for p in self._all.values() if len(p.rates) > 1 and p.name not in stated]
         return {**{each.name: replace(each, outputs={}) for each in several}, **self.declared}
+
+    def parts(self) -> dict[str, dict]:
+        """Return the declared ports as plain data, without rates that follow from a mass matrix."""
+        said = {name: port.parts() for name, port in self.declared.items()}
+        for name, port in self.declared.items():
+            if is_stated(self._model, port.flow, port.rates):
+                del said[name]["rates"]
+        return said
 
     def __getitem__(self, name: str) -> Port:
         return self._all[name]
@@ -182,7 +193,7 @@ class _PortReader:
         """Return a port with its coefficients, its displacement and its unit."""
         effort = given.get("effort")
         displacement = self.displacement(name, flow, given)
-        rates, outputs = self.taken(name, effort) if effort else self.told(name, given)
+        rates, outputs = self.taken(name, effort) if effort else self.told(name, flow, given)
         unit = as_text(str(given.get("unit") or ""), ("ports", name))
         unit = unit or self.parts["inputs"].get(effort, "")
         port = Port(name, flow, displacement, rates, outputs, unit)
@@ -204,10 +215,10 @@ class _PortReader:
                 self.refuse(name, f"unknown key {key!r}; expected {', '.join(_KEYS)}")
         if not given.get("flow"):
             self.refuse(name, "expected the flow conjugate to the effort, got none")
-        if bool(given.get("effort")) == bool(given.get("rates")):
-            self.refuse(name, "expected either 'effort' or 'rates', got both or none")
+        if given.get("effort") and given.get("rates"):
+            self.refuse(name, "expected either 'effort' or 'rates', got both")
 
-    def refuse(self, name: str, why: str, remedy: str = "") -> None:
+    def refuse(self, name: str, why: str, remedy: str = "") -> NoReturn:
         """Raise `ModelError`."""
         advice = remedy or "name the effort and the flow, {effort: tau2, flow: w2}"
         raise ModelError(f"ports.{name}: {why}. Remedy: {advice}.", ("ports", name))
@@ -218,14 +229,22 @@ class _PortReader:
         read = as_expression(given, known, ("ports", name, key), self.efforts.let)
         return self.efforts.applied(read, self.names)
 
-    def told(self, name: str, given: Mapping) -> tuple[dict, dict]:
-        """Return the coefficients as they are given."""
+    def told(self, name: str, flow: sympy.Expr, given: Mapping) -> tuple[dict, dict]:
+        """Return the coefficients as they are given, or as the model's inertia gives them."""
         found = []
         for part, known in (("rates", self.parts["states"]), ("outputs", self.parts["outputs"])):
             check_keys(f"ports.{name}.{part}", given.get(part) or {}, known)
             slopes = dict(given.get(part) or {})
             found.append({k: self.expression(name, part, each) for k, each in slopes.items()})
-        return found[0], found[1]
+        return found[0] or self.stated(name, flow), found[1]
+
+    def stated(self, name: str, flow: sympy.Expr) -> dict[str, sympy.Expr]:
+        """Return the rates by the inertia or capacity of all states in the flow."""
+        held = {str(each) for each in flow.free_symbols} & set(self.parts["states"])
+        for part in BALANCES:
+            if held <= set(self.parts[part]):
+                return rates_of_flow(self.parts[part], flow)
+        self.refuse(name, "expected 'effort' or 'rates', got none, and no inertia of the flow")
 
     def taken(self, name: str, effort: str) -> tuple[dict, dict]:
         """Return the coefficients of an effort in the equations and in the outputs."""
@@ -306,4 +325,4 @@ class _PortReader:
         inertia = self.unit_of(1 / mobility) if mobility != 0 else ""
         if inertia and flow:
             return force_unit(inertia, flow)
-        return {"m/s": "N", "rad/s": "N m"}.get(flow, "")
+        return EFFORTS.get(flow, "")

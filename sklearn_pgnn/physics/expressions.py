@@ -65,6 +65,8 @@ _OTHER_SIGNS = {
 _CHAINS = {ast.Add: sympy.Add, ast.Sub: sympy.Add, ast.Mult: sympy.Mul, ast.Div: sympy.Mul}
 #: longest text and deepest nesting an equation may have
 MAX_LENGTH, MAX_DEPTH, MAX_EXPONENT = 10_000, 60, 100
+#: longest text of an expression that was derived, such as a rate by a mass matrix
+MAX_DERIVED = 200_000
 #: most factors with quantities in a product
 MAX_FACTORS = 60
 #: most bits a whole number may need after it is raised to a power
@@ -85,6 +87,7 @@ def parse_expression(
     where: str = "expression",
     external: Mapping[str, type[External]] = MappingProxyType({}),
     let: Mapping[str, sympy.Expr] = MappingProxyType({}),
+    longest: int = MAX_LENGTH,
 ):
     """Turn the text of an equation into a SymPy expression.
 
@@ -100,6 +103,8 @@ def parse_expression(
         Further functions by name, see `sklearn_pgnn.physics.external`.
     let : mapping of str to sympy.Expr, default={}
         Names that stand for an expression.
+    longest : int, default=MAX_LENGTH
+        Most characters.
 
     Returns
     -------
@@ -118,8 +123,8 @@ def parse_expression(
     -k*x/m
     """
     text = str(text).strip()
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}: expected at most {MAX_LENGTH} characters, got {len(text)}.")
+    if len(text) > longest:
+        raise ModelError(f"{where}: expected at most {longest} characters, got {len(text)}.")
     try:
         tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -169,7 +174,8 @@ def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "
 @lru_cache(maxsize=2048)
 def _reread(expression: sympy.Expr, names: tuple[str, ...], where: str):
     external = {call.func.__name__: call.func for call in expression.atoms(External)}
-    return parse_expression(_RereadPrinter().doprint(expression), names, where, external)
+    text = _RereadPrinter().doprint(expression)
+    return parse_expression(text, names, where, external, longest=MAX_DERIVED)
 
 
 def same_name(name: str) -> str:

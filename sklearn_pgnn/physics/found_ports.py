@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import sympy
 
-from sklearn_pgnn.physics.derived_units import force_unit, rate_unit
+from sklearn_pgnn.physics.derived_units import EFFORTS, flow_unit, force_unit, rate_unit
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.mass_matrix import coupled, mobility, own_entry
 from sklearn_pgnn.physics.mobility import always_positive, inverse_masses
 from sklearn_pgnn.physics.port import Port
 from sklearn_pgnn.physics.units import is_like, read_unit
@@ -43,8 +44,8 @@ def found_ports(model: PhysicsModel, declared: Collection[Port]) -> dict[str, Po
     positions, taken = set(model.kinematic_pairs.values()), {port.flow for port in declared}
     own = [s for s in model.states if s not in positions or is_velocity(model, s)]
     free = [s for s in own if symbol(s) not in taken]
-    coupled = {**_of_inputs(model, [dict(port.rates) for port in declared]), **_of_energy(model)}
-    return {s: coupled[s] if s in coupled else _own_port(model, s) for s in free}
+    several = _coupled(model, declared, free)
+    return {s: several[s] if s in several else _own_port(model, s) for s in free}
 
 
 def _port(model: PhysicsModel, state: str, rates: Mapping[str, sympy.Expr], unit: str) -> Port:
@@ -54,20 +55,35 @@ def _port(model: PhysicsModel, state: str, rates: Mapping[str, sympy.Expr], unit
 
 def _own_port(model: PhysicsModel, state: str) -> Port:
     """Return the port at which an effort changes the rate of one state alone."""
-    inertia = model.inertia.get(state)
-    mobility = sympy.Integer(1) if inertia is None else 1 / inertia
-    return _port(model, state, {state: mobility}, unit_of_effort(model, state, inertia))
+    entries = model.inertia if state in model.inertia else model.capacity
+    rates = mobility(entries)[state] if state in entries else {state: sympy.Integer(1)}
+    return _port(model, state, rates, unit_of_effort(model, state))
 
 
-def unit_of_effort(model: PhysicsModel, state: str, inertia: sympy.Expr | None) -> str:
-    """Return the unit of a force on a velocity; without an inertia, that of its rate."""
+def unit_of_effort(model: PhysicsModel, state: str, inertia: sympy.Expr | None = None) -> str:
+    """Return the unit of a force on a velocity, of a flow into a store, or else of the rate."""
     velocity = model.unit(state)
+    if state in model.capacity:
+        return flow_unit(model.unit_of(own_entry(model.capacity, state) * symbol(state)))
+    inertia = own_entry(model.inertia, state) if inertia is None else inertia
     if inertia is None:
         return rate_unit(velocity)
-    return force_unit(model.unit_of(inertia), velocity)
+    unit = model.unit_of(inertia)
+    if not unit and state in coupled(model.inertia):
+        return EFFORTS.get(velocity, "")
+    return force_unit(unit, velocity)
 
 
 # -- forces that enter several rates ---------------------------------------------------------------
+
+
+def _coupled(model: PhysicsModel, declared: Collection[Port], free: list[str]) -> dict[str, Port]:
+    """Return the ports of velocities whose mass matrix the model does not state."""
+    stated = {*model.forces, *coupled(model.inertia)}
+    if all(v in stated for v in free if is_velocity(model, v)):
+        return {}
+    found = {**_of_inputs(model, [dict(port.rates) for port in declared]), **_of_energy(model)}
+    return {v: port for v, port in found.items() if v not in stated}
 
 
 def _of_inputs(model: PhysicsModel, known: list[dict[str, sympy.Expr]]) -> dict[str, Port]:
@@ -82,7 +98,8 @@ def _of_inputs(model: PhysicsModel, known: list[dict[str, sympy.Expr]]) -> dict[
     for name, unit in model.inputs.items():
         column = _column(model, name)
         driven = "" if column in known else _driven(model, column)
-        alone = driven in model.inertia and column[driven] == 1 / model.inertia[driven]
+        own = own_entry(model.inertia, driven)
+        alone = own is not None and column[driven] == 1 / own
         if driven and not alone and _is_effort(unit, model.unit(driven)):
             twice |= {driven} & set(found)
             found[driven] = _port(model, driven, column, unit)

@@ -23,10 +23,18 @@ from sklearn_pgnn.physics.expressions import (
     to_text,
 )
 from sklearn_pgnn.physics.external import external_functions, require_equations
+from sklearn_pgnn.physics.lagrangian import lagrangian_parts
+from sklearn_pgnn.physics.mass_matrix import (
+    BALANCES,
+    balanced_changes,
+    check_balance,
+    check_matrix,
+    solved_rates,
+)
 from sklearn_pgnn.physics.model_parts import (
     ENERGY_PARTS,
     EXPRESSIONS,
-    as_expression,
+    as_expressions,
     as_mapping,
     as_parameters,
     as_simulation,
@@ -40,7 +48,9 @@ from sklearn_pgnn.physics.model_parts import (
     check_names,
     check_settled,
     check_size,
+    entries_changed,
     parameter_dict,
+    texts,
 )
 from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import Parameter, check_name
@@ -62,7 +72,8 @@ class PhysicsModel:
     states : mapping of str to str
         State names and their units, in order.
     equations : mapping of str to str or sympy.Expr
-        Right-hand side of every state, over states, inputs, parameters and the time ``t``.
+        Right-hand side of every state, over states, inputs, parameters and the time ``t``; of
+        states with `forces` or `flows` it follows from these.
     parameters : mapping of str to Parameter, dict or float, or iterable of Parameter, default={}
         The constants of the equations.
     inputs : mapping of str to str, default={}
@@ -72,9 +83,20 @@ class PhysicsModel:
         rate of a state.
     name : str, default="model"
         Name of the model.
-    inertia : mapping of str to str or sympy.Expr, default={}
+    inertia : mapping of str to str, sympy.Expr or list of them, default={}
         For a state that is a velocity, the mass or inertia that multiplies its rate; effects on
-        this rate are then forces or torques.
+        this rate are then forces or torques. For velocities that act on each other, the rows of
+        the mass matrix :math:`M`, with an entry for every velocity that has a row, in their order.
+    forces : mapping of str to str or sympy.Expr, default={}
+        For velocities with an inertia, the sum of forces or torques :math:`F`, in place of an
+        equation: :math:`M \dot v = F`.
+    capacity : mapping of str to str, sympy.Expr or list of them, default={}
+        For a state that tells the content of a store (a temperature, a level, a pressure, a
+        voltage, a current), the capacity :math:`C` that multiplies its rate, or the rows of a
+        matrix.
+    flows : mapping of str to str or sympy.Expr, default={}
+        For states with a capacity, the sum of what flows in, in place of an equation:
+        :math:`C \dot T = Q`.
     energy : mapping, default={}
         ``stored`` [J], ``supplied`` [W] and ``dissipated`` [W] as expressions.
     delays : mapping of str to str, default={}
@@ -105,8 +127,9 @@ class PhysicsModel:
     Raises
     ------
     ModelError
-        If a name is used twice or unknown, an equation is missing or cannot be parsed, or a port's
-        effort is in no equation or enters one not linearly.
+        If a name is used twice or unknown, an equation is missing or cannot be parsed, a mass
+        matrix is not symmetric, or singular, or a port's effort is in no equation or enters one not
+        linearly.
 
     Examples
     --------
@@ -116,15 +139,29 @@ class PhysicsModel:
     >>> print(model.to_text())
     x' = v
     v' = (F - k*x)/m
+
+    A trolley with a hanging load, by its mass matrix:
+
+    >>> crane = PhysicsModel(
+    ...     states={"x": "m", "q": "rad", "v": "m/s", "w": "rad/s"}, inputs={"F": "N"},
+    ...     parameters={"M": 5.0, "m": 2.0, "l": 1.5, "g": 9.81},
+    ...     equations={"x": "v", "q": "w"},
+    ...     inertia={"v": ["M + m", "m*l*cos(q)"], "w": ["m*l*cos(q)", "m*l**2"]},
+    ...     forces={"v": "F + m*l*w**2*sin(q)", "w": "-m*g*l*sin(q)"})
+    >>> print(crane.equations["w"])
+    (-g*(M + m)*sin(q) - (F + l*m*w**2*sin(q))*cos(q))/(l*(M - m*cos(q)**2 + m))
     """
 
     states: Mapping[str, str]
-    equations: Mapping[str, sympy.Expr]
+    equations: Mapping[str, sympy.Expr] = field(default_factory=dict)
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, Any] = field(default_factory=dict)
     name: str = "model"
-    inertia: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    inertia: Mapping[str, Any] = field(default_factory=dict)
+    forces: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    capacity: Mapping[str, Any] = field(default_factory=dict)
+    flows: Mapping[str, sympy.Expr] = field(default_factory=dict)
     energy: Mapping[str, sympy.Expr] = field(default_factory=dict)
     delays: Mapping[str, str] = field(default_factory=dict)
     initial_state: Mapping[str, float] = field(default_factory=dict)
@@ -142,42 +179,35 @@ class PhysicsModel:
             raise ModelError("expected at least one state, got none.", ("states",))
         check_names(states, inputs, parameters)
         check_size(states, parameters)
-        check_keys("equations", self.equations, states, complete=True)
-        check_keys("inertia", self.inertia, states)
+        for part in ("equations", *BALANCES, *BALANCES.values(), "initial_state"):
+            check_keys(part, getattr(self, part), states)
         check_keys("energy", self.energy, ENERGY_PARTS)
         check_keys("delays", self.delays, inputs)
-        check_keys("initial_state", self.initial_state, states)
         check_keys("simulation", self.simulation, ("hold", "substeps", "method"))
         check_settled(self.settled, states, inputs)
         outputs = as_mapping("outputs", self.outputs or {name: name for name in states})
         for output in outputs:
             check_name(output, "output")
-        names = (*states, *inputs, *parameters)
         check_delays(self.delays, parameters)
         check_columns(self.columns, states, inputs, outputs)
+        names = (*states, *inputs, *parameters)
         declared = declared_in(self.ports)
         efforts = read_let(self.let, declared, names, inputs)
-
-        def expressions(part, items, let=efforts.let):
-            return MappingProxyType(
-                {
-                    key: as_expression(item, efforts.names(names), (part, key), let)
-                    for key, item in dict(items or {}).items()
-                }
-            )
-
-        equations = expressions("equations", {s: self.equations[s] for s in states})
-        rates = {f"{RATE}({state})": rate for state, rate in equations.items()}
-
+        known = efforts.names(names)
+        given = {part: getattr(self, part) or {} for part in EXPRESSIONS if part != "outputs"}
+        read = {part: as_expressions(part, e, known, efforts.let) for part, e in given.items()}
+        check_inertia(read)
+        for part in BALANCES:
+            check_matrix(part, read[part], parameters)
+        read["equations"] = _all_rates(read, states)
+        rates = {f"{RATE}({state})": rate for state, rate in read["equations"].items()}
+        read["outputs"] = as_expressions("outputs", outputs, known, {**efforts.let, **rates})
         values = {
             "name": as_text(str(self.name), ("name",)),
             "states": MappingProxyType(states),
             "inputs": MappingProxyType(inputs),
             "parameters": MappingProxyType(parameters),
-            "equations": equations,
-            "outputs": expressions("outputs", outputs, {**efforts.let, **rates}),
-            "inertia": expressions("inertia", self.inertia),
-            "energy": expressions("energy", self.energy),
+            **{part: MappingProxyType(items) for part, items in read.items()},
             "delays": MappingProxyType(dict(self.delays or {})),
             "initial_state": MappingProxyType(
                 {s: as_state(s, dict(self.initial_state or {}).get(s, 0.0)) for s in states}
@@ -189,7 +219,6 @@ class PhysicsModel:
         ports = read_ports(declared, values, names, efforts)
         values |= {part: efforts.settled(values[part], names) for part in EXPRESSIONS}
         values |= {"let": MappingProxyType({}), "ports": Ports(ports, self)}
-        check_inertia(values["inertia"])
         for key, value in values.items():
             object.__setattr__(self, key, value)
 
@@ -288,11 +317,19 @@ class PhysicsModel:
         return external_functions(self._expressions)
 
     @property
-    def _expressions(self) -> tuple[sympy.Expr, ...]:
+    def _expressions(self) -> tuple[sympy.Basic, ...]:
         """Every expression of the model."""
         parts = (expression for part in EXPRESSIONS for expression in getattr(self, part).values())
         ports = self.declared_ports.values()
         return (*parts, *(expression for port in ports for expression in port.expressions()))
+
+    def _given(self) -> dict[str, dict[str, Any]]:
+        """Return the parts that are expressions, without the rates that follow from others."""
+        parts = {part: dict(getattr(self, part)) for part in EXPRESSIONS}
+        for other in BALANCES.values():
+            for name in parts[other]:
+                del parts["equations"][name]
+        return parts
 
     @property
     def free_parameters(self) -> tuple[str, ...]:
@@ -376,9 +413,10 @@ class PhysicsModel:
         Returns
         -------
         PhysicsModel
-            A new model; this one is unchanged.
+            A new model; this one is unchanged. Where rates are changed that follow from `forces` or
+            `flows`, it has equations in place of these.
         """
-        return replace(self, **changes)
+        return replace(self, **balanced_changes(self, changes))
 
     def changed(self, change: Callable[[sympy.Expr], sympy.Expr]) -> dict[str, Any]:
         """Return the parts of the model that hold expressions, every one of them changed.
@@ -394,8 +432,7 @@ class PhysicsModel:
             Constructor parameters of `PhysicsModel` and their new values.
         """
         parts: dict[str, Any] = {
-            part: {key: change(each) for key, each in getattr(self, part).items()}
-            for part in EXPRESSIONS
+            part: entries_changed(change, getattr(self, part)) for part in EXPRESSIONS
         }
         ports = self.kept_ports.items()
         return {**parts, "ports": {name: with_coefficients(port, change) for name, port in ports}}
@@ -485,25 +522,20 @@ class PhysicsModel:
 
     def _parts(self) -> dict:
         """Return everything the model states, its expressions as text."""
-
-        def texts(items):
-            return {key: to_text(item) for key, item in items.items()}
-
+        said = {part: texts(items) for part, items in self._given().items()}
         parts = {
             "name": self.name,
             "states": dict(self.states),
             "inputs": dict(self.inputs),
-            "outputs": texts(self.outputs),
+            "outputs": said.pop("outputs"),
             "parameters": {name: parameter_dict(p) for name, p in self.parameters.items()},
-            "equations": texts(self.equations),
-            "inertia": texts(self.inertia),
-            "energy": texts(self.energy),
+            **said,
             "delays": dict(self.delays),
             "initial_state": {s: v for s, v in self.initial_state.items() if v},
             "settled": dict(self.settled),
             "columns": dict(self.columns),
             "simulation": dict(self.simulation),
-            "ports": {name: port.parts() for name, port in self.declared_ports.items()},
+            "ports": self.ports.parts(),  # type: ignore[attr-defined]
         }
         return {key: part for key, part in parts.items() if part}
 
@@ -527,15 +559,89 @@ class PhysicsModel:
             If a key is unknown or missing, or an entry is not valid in a model.
         """
         known = [f.name for f in fields(cls)]
-        unknown = [key for key in data if key not in known]
-        missing = [key for key in ("states", "equations") if key not in data]
+        unknown = [key for key in data if key not in (*known, "lagrangian")]
         if unknown:
             raise ModelError(
                 f"unknown key {unknown[0]!r}; expected one of {', '.join(known)}.", (unknown[0],)
             )
-        if missing:
-            raise ModelError(f"expected the key {missing[0]!r}, got {', '.join(data) or 'none'}.")
-        return cls(**data)
+        if "states" not in data:
+            raise ModelError(f"expected the key 'states', got {', '.join(data) or 'none'}.")
+        if "lagrangian" not in data:
+            return cls(**data)
+        others = {key: part for key, part in data.items() if key != "lagrangian"}
+        return cls(**lagrangian_parts(data["lagrangian"], others))
+
+    @classmethod
+    def from_lagrangian(
+        cls,
+        coordinates: Mapping[str, str],
+        kinetic: str | sympy.Expr,
+        potential: str | sympy.Expr = 0,
+        dissipation: str | sympy.Expr = 0,
+        forces: Mapping[str, str | sympy.Expr] | None = None,
+        *,
+        states: Mapping[str, str],
+        **model: Any,
+    ) -> "PhysicsModel":
+        r"""Build a model from its energies.
+
+        .. math:: \frac{d}{dt} \frac{\partial T}{\partial v} - \frac{\partial T}{\partial q}
+                  + \frac{\partial V}{\partial q} + \frac{\partial D}{\partial v} = Q,
+                  \qquad v = \dot q
+
+        Inertia, forces and energy of the model follow: the mass matrix is the Hessian of the
+        kinetic energy, and :math:`T + V` is stored. Without supplied power the model is passive
+        where the dissipated power is nowhere negative.
+
+        Parameters
+        ----------
+        coordinates : mapping of str to str
+            For every coordinate :math:`q` its velocity :math:`v`; both are states.
+        kinetic : str or sympy.Expr
+            Kinetic energy :math:`T` [J] over coordinates, velocities and parameters.
+        potential : str or sympy.Expr, default=0
+            Potential energy :math:`V` [J] over coordinates, inputs and parameters.
+        dissipation : str or sympy.Expr, default=0
+            Dissipation function :math:`D` [W]; Rayleigh's for viscous friction, such as
+            ``d*v**2/2``, and ``F*abs(v)`` for Coulomb friction.
+        forces : mapping of str to str or sympy.Expr, default={}
+            By coordinate, the generalised force :math:`Q` [N] or torque [N m], over all quantities.
+        states : mapping of str to str
+            State names and their units, in order.
+        **model
+            Further constructor parameters; `equations` for states that are no coordinates.
+
+        Returns
+        -------
+        PhysicsModel
+            The model.
+
+        Raises
+        ------
+        ModelError
+            If an energy contains what it cannot, or the kinetic energy leaves a coordinate without
+            inertia.
+
+        Examples
+        --------
+        >>> pendulum = PhysicsModel.from_lagrangian(
+        ...     {"q": "w"}, "m*l**2*w**2/2", "-m*g*l*cos(q)", "d*w**2/2", {"q": "M"},
+        ...     states={"q": "rad", "w": "rad/s"}, inputs={"M": "N m"},
+        ...     parameters={"m": 2.0, "l": 1.5, "g": 9.81, "d": 0.1})
+        >>> print(pendulum.to_text())
+        q' = w
+        w' = (M - d*w - g*l*m*sin(q))/(l**2*m)
+        >>> print(*pendulum.energy.values(), sep="; ")
+        -g*l*m*cos(q) + l**2*m*w**2/2; M*w; d*w**2
+        """
+        section = {
+            "coordinates": coordinates,
+            "kinetic": kinetic,
+            "potential": potential,
+            "dissipation": dissipation,
+            "forces": forces,
+        }
+        return cls(**lagrangian_parts(section, {"states": states, **model}))
 
     @classmethod
     def from_yaml(cls, path: FilePath) -> "PhysicsModel":
@@ -604,8 +710,7 @@ class PhysicsModel:
     def __getstate__(self):
         if not self._external:
             return self._parts()
-        called = {part: dict(getattr(self, part)) for part in EXPRESSIONS}
-        return self._parts() | called | {"ports": self.declared_ports}
+        return self._parts() | self._given() | {"ports": self.declared_ports}
 
     def __setstate__(self, state):
         self.__init__(**state)
@@ -645,6 +750,16 @@ class PhysicsModel:
 
     def _repr_latex_(self) -> str:
         return reading("model_latex")(self)
+
+
+def _all_rates(read, states) -> dict[str, sympy.Expr]:
+    """Return the rates of all states: those given, and those that follow from a balance."""
+    rates = dict(read["equations"])
+    for part, other in BALANCES.items():
+        check_balance(part, read[part], read[other], rates)
+        rates |= solved_rates(read[part], read[other])
+    check_keys("equations", rates, states, complete=True)
+    return {state: rates[state] for state in states}
 
 
 @lru_cache(maxsize=1024)

@@ -20,6 +20,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from sklearn_pgnn.exceptions import ModelError, ModelWarning, UnitWarning
+from sklearn_pgnn.physics.lagrangian import SECTION
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import is_text
 from sklearn_pgnn.physics.unit_check import check_units, unknown_units
@@ -126,21 +127,25 @@ class _Reader:
         self.refuse_at(mark, why)
 
     def refuse_at(self, mark, why: str) -> NoReturn:
-        line, column = (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+        line, column = (1, 1) if mark is None else _line_and_column(mark)
         raise ModelError(f"{self.path}:{line}:{column}: {' '.join(why.split())}") from None
 
     def model(self) -> PhysicsModel:
         data = self.document(self.root())
         try:
-            model = PhysicsModel(**data)
+            model = PhysicsModel.from_dict(data)
         except ModelError as error:
-            place = self.places.get(error.where) or self.places.get(error.where[:1])
-            self.refuse(place, str(error))
+            self.refuse(self.place(error.where), str(error))
         self.warn_of_unused(model.unused_parameters)
         self.warn(UnitWarning, unknown_units(model), "correct it, or leave it out")
         remedy = "correct the term, or the unit of what is in it"
         self.warn(UnitWarning, check_units(model), remedy)
         return model
+
+    def place(self, where: tuple[str, ...]) -> Node | None:
+        """Return the node of a key, or of the part that it is in, or follows from."""
+        tried = [where[:length] for length in range(len(where), 0, -1)]
+        return next((self.places[w] for w in (*tried, ("lagrangian",)) if w in self.places), None)
 
     def warn_of_unused(self, names: tuple[str, ...]) -> None:
         """Warn of parameters without an effect, of many at once."""
@@ -152,9 +157,9 @@ class _Reader:
         """Warn of what is doubtful, with its line and the remedy."""
         for said in sentences:
             where = tuple(said.split(":")[0].split("."))
-            mark = self.places[where].start_mark
-            place = f"{self.path}:{mark.line + 1}:{mark.column + 1}"
-            warn_user(f"{place}: {said} Remedy: {remedy}.", kind)
+            node = self.place(where)
+            line, column = (1, 1) if node is None else _line_and_column(node.start_mark)
+            warn_user(f"{self.path}:{line}:{column}: {said} Remedy: {remedy}.", kind)
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)
@@ -194,7 +199,9 @@ class _Reader:
                 expected = ", ".join(_SECTIONS)
                 self.refuse(self.places[(key,)], f"unknown key {key!r}; expected {expected}.")
             data[key] = _SECTIONS[key](self, value, key)
-        for key in ("states", "equations"):
+        balances = ("lagrangian", "forces", "flows")
+        needed = ("states",) if any(map(data.get, balances)) else ("states", "equations")
+        for key in needed:
             if not data.get(key):
                 self.refuse(self.places.get((key,), root), f"expected {key!r}, got none.")
         data.setdefault("parameters", {})
@@ -299,6 +306,29 @@ class _Reader:
     def texts(self, node, part):
         return self.section(node, part, self.text_of)
 
+    def rows(self, node, part):
+        return self.section(node, part, self.text_or_row)
+
+    def text_or_row(self, node, what) -> str | list[str]:
+        if not isinstance(node, SequenceNode):
+            return self.text_of(node, what)
+        return [self.text_of(item, what) for item in self.list_of(node, what)]
+
+    def lagrangian(self, node, part):
+        found = {}
+        for key, value in self.items(node, part, (part,)):
+            if key not in SECTION:
+                expected = ", ".join(SECTION)
+                self.refuse(self.places[part, key], f"unknown key {key!r}; expected {expected}.")
+            nested = key in ("coordinates", "forces")
+            found[key] = self.nested(value, part, key) if nested else self.text_of(value, key)
+        return found
+
+    def nested(self, node, part, key) -> dict[str, str]:
+        """Read a mapping within a section."""
+        entries = self.items(node, f"{part}.{key}", (part, key))
+        return {name: self.text_of(value, f"{part}.{key}.{name}") for name, value in entries}
+
     def numbers(self, node, part):
         return self.section(node, part, self.finite)
 
@@ -366,7 +396,11 @@ _SECTIONS = {
     "outputs": _Reader.outputs,
     "parameters": _Reader.parameters,
     "equations": _Reader.texts,
-    "inertia": _Reader.texts,
+    "inertia": _Reader.rows,
+    "forces": _Reader.texts,
+    "capacity": _Reader.rows,
+    "flows": _Reader.texts,
+    "lagrangian": _Reader.lagrangian,
     "energy": _Reader.texts,
     "delays": _Reader.texts,
     "initial_state": _Reader.numbers,
@@ -383,6 +417,10 @@ _PARAMETER = {
     "fixed": _Reader.truth,
     "spread": _Reader.number,
 }
+
+
+def _line_and_column(mark) -> tuple[int, int]:
+    return mark.line + 1, mark.column + 1
 
 
 def _shown(node: Node) -> str:
@@ -404,16 +442,20 @@ def _written(data: dict) -> CommentedMap:
     for part, content in data.items():
         if part == "name":
             written[part] = content
-        elif part in ("equations", "energy"):
+        elif part in ("equations", "forces", "flows", "energy"):
             written[part] = CommentedMap((key, _quoted(text)) for key, text in content.items())
         elif part == "ports":
             written[part] = CommentedMap((key, _flow_of_texts(p)) for key, p in content.items())
         elif part == "parameters":
             written[part] = CommentedMap((key, _flow(p)) for key, p in content.items())
         else:
-            quote = part in ("outputs", "inertia")
-            written[part] = _flow({k: _quoted(v) if quote else v for k, v in content.items()})
+            quote = part in ("outputs", "inertia", "capacity")
+            written[part] = _flow({k: _quoted_row(v) if quote else v for k, v in content.items()})
     return written
+
+
+def _quoted_row(row: str | list[str]) -> str | list[str]:
+    return list(map(_quoted, row)) if isinstance(row, list) else _quoted(row)
 
 
 def _quoted(text: str) -> str:

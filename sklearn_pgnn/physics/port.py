@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 from sklearn_pgnn.physics.expressions import symbol, to_text
+from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -91,7 +92,9 @@ class Port:
         Returns
         -------
         dict
-            Constructor parameters of `PhysicsModel` and their new values.
+            Constructor parameters of `PhysicsModel` and their new values; where the model has
+            `forces` or `flows`, these as well: its equations follow from them. An effect that
+            changes a rate further leaves them out.
 
         Examples
         --------
@@ -101,12 +104,17 @@ class Port:
         (-d*v + force - k*x - 2.0)/m
         """
         rates, outputs = dict(model.equations), dict(model.outputs)
+        balances = balances_of(model, self.flow, self.rates)
         for state, b in self.rates.items():
-            rates[state] = _less(rates[state], effort, b, model.inertia.get(state))
+            rates[state] = _less(rates[state], effort, b, own_entry(model.inertia, state))
         for output, c in self.outputs.items():
             outputs[output] = _less(outputs[output], effort, c, None)
+        forces = {
+            other: {**getattr(model, other), **_forces_less(getattr(model, other), effort, slopes)}
+            for other, slopes in balances.items()
+        }
         energy = self._energy(model, effort)
-        return {"equations": rates, "outputs": outputs, "energy": energy}
+        return {"equations": rates, "outputs": outputs, "energy": energy, **forces}
 
     def is_power(self, model: PhysicsModel) -> bool:
         """Return whether effort times flow is known to be a power, not a change of a rate.
@@ -127,8 +135,18 @@ class Port:
         """Return a model's energy with the power of a resisting effort."""
         energy = dict(model.energy)
         if energy and self.is_power(model):
-            energy["dissipated"] = energy.get("dissipated", 0) + effort * self.flow
+            taken = self._taken(energy["stored"]) if self._is_store(model, energy) else self.flow
+            energy["dissipated"] = energy.get("dissipated", 0) + effort * taken
         return energy
+
+    def _is_store(self, model: PhysicsModel, energy: Mapping[str, sympy.Expr]) -> bool:
+        """Return whether the flow tells the content of a store, such as a temperature."""
+        return "stored" in energy and set(map(str, self.flow.free_symbols)) <= set(model.capacity)
+
+    def _taken(self, stored: sympy.Expr) -> sympy.Expr:
+        r"""Return what a unit of effort takes from what is stored, :math:`\sum_i b_i E_{x_i}`."""
+        slopes = (stored.diff(symbol(state)) * b for state, b in self.rates.items())
+        return sympy.Add(*slopes)
 
     def expressions(self) -> tuple[sympy.Expr, ...]:
         """Return everything that is an expression."""
@@ -144,6 +162,11 @@ class Port:
         }
         parts = {**texts, **slopes, "unit": self.unit}
         return {key: part for key, part in parts.items() if part}
+
+
+def _forces_less(forces, effort: sympy.Expr, slopes: Mapping[str, sympy.Expr]) -> dict:
+    """Subtract slope*effort from forces."""
+    return {name: forces[name] - slope * effort for name, slope in slopes.items()}
 
 
 def _less(
@@ -164,7 +187,7 @@ def _less(
 def inertia_at(port: Port, model: PhysicsModel) -> sympy.Expr:
     """Return the inertia that an effort moves, as the model writes it where it does."""
     if set(port.rates) == {port.name}:
-        return model.inertia.get(port.name, 1 / port.mobility)
+        return own_entry(model.inertia, port.name) or 1 / port.mobility
     return 1 / port.mobility
 
 

@@ -232,7 +232,7 @@ ROTOR = {
         ({"p": {"effort": "z", "flow": "w"}}, "effort 'z' is in no equation.*Remedy: write z"),
         ({"p": {"effort": "u", "flow": "u"}}, "flow: expected a state, or a difference of two"),
         ({"p": {"effort": "u"}}, "expected the flow conjugate to the effort, got none"),
-        ({"p": {"flow": "w"}}, "expected either 'effort' or 'rates', got both or none"),
+        ({"p": {"flow": "w"}}, "expected 'effort' or 'rates', got none, and no inertia"),
         ({"p": {"flow": "w", "rates": {"z": "1"}}}, "unknown name 'z'; expected one of q, w"),
         ({"p": {"effort": "u", "flow": "w", "color": "red"}}, "unknown key 'color'"),
         ({"p": {"effort": "u", "flow": "w", "displacement": "2*q"}}, "whose rate is 2\\*w"),

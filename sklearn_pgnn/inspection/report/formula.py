@@ -16,6 +16,7 @@ from sklearn_pgnn.inspection.words import dependence, place_name
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import is_effort, unit_at
+from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
 
 
@@ -74,6 +75,12 @@ class FoundFormula:
         target, model = self.part.target, self.model
         is_rate = target in model.inertia and not is_effort(model, target)
         return model.port(target).unit if is_rate else ""
+
+    @property
+    def inertia(self) -> str:
+        """The inertia of a rate that a force stands for."""
+        port = self.model.port(self.part.target) if self.force else None
+        return "" if port is None else to_text(inertia_at(port, self.model))
 
     @cached_property
     def samples(self) -> Samples:
@@ -140,7 +147,7 @@ def told_formula(formula: FoundFormula) -> dict:
         "left": times(formula.part.error),
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(formula.force),
-        "inertia": to_text(formula.model.inertia[part.target]) if formula.force else "",
+        "inertia": formula.inertia,
         "mathml": mathml_of(formula.expression, formula.moving),
         "text": to_text(formula.expression),
         "terms": [

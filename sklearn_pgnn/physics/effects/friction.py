@@ -22,6 +22,7 @@ from sklearn_pgnn.physics.effects.rates import (
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded
+from sklearn_pgnn.physics.mass_matrix import own_entry
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.effect import Effect
@@ -207,7 +208,7 @@ def _drive(model: PhysicsModel, target: str) -> sympy.Expr:
     if len(port.rates) > 1:
         return _drive_of_several(model, port)
     ((state, mobility),) = port.rates.items()
-    inertia = model.inertia.get(state, 1 / mobility)
+    inertia = own_entry(model.inertia, state) or 1 / mobility
     known = {state, port.position}
     addends = sympy.Add.make_args(expanded(_unbounded(model.equations[state]) * inertia))
     others = [set(map(str, part.free_symbols)) - known for part in addends]
