@@ -352,7 +352,7 @@ def _tried(matrix: Matrix, signals, values) -> np.ndarray:
     function = sympy.lambdify(names, [list(row) for row in matrix], "numpy")
     rng = np.random.default_rng(0)
     points = rng.standard_normal((TRIALS, len(signals)))
-    numbers = [value for _, value in values]
+    numbers = [np.float64(value) for _, value in values]  # which may be divided by zero
     with np.errstate(all="ignore"):
         tried = [np.array(function(*numbers, *point), dtype=complex) for point in points]
     real = [m.real for m in tried if np.all(np.isfinite(m)) and np.all(m.imag == 0.0)]

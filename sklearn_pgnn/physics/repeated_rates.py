@@ -100,29 +100,35 @@ def repeated_rates(
     {'acc': {'v': -2}}
     """
     found: dict[str, dict[str, sympy.Expr]] = {}
-    for output, shown in outputs:
-        for state, rate in equations:
-            factor = _factor(shown, rate, constants)
+    longest_first = sorted(equations, key=lambda item: -len(_terms(item[1])))
+    for output, left in outputs:
+        for state, rate in longest_first:
+            factor, left = _factor(left, rate, constants)
             if factor != 0:
                 found.setdefault(output, {})[state] = factor
     return found
 
 
-def _factor(shown: sympy.Expr, rate: sympy.Expr, constants: frozenset[sympy.Symbol]) -> sympy.Expr:
-    """Return the factor of a rate in an output; 0 where the output does not repeat it."""
-    moving = rate.free_symbols - constants
+def _terms(expression: sympy.Expr) -> tuple[sympy.Expr, ...]:
+    return sympy.Add.make_args(expanded(expression))
+
+
+def _factor(
+    shown: sympy.Expr, rate: sympy.Expr, constants: frozenset[sympy.Symbol]
+) -> tuple[sympy.Expr, sympy.Expr]:
+    """Return the factor of a rate in an output, 0 if it is not repeated, and what is left."""
+    moving, total = rate.free_symbols - constants, sympy.Integer(0)
     if rate.is_Symbol or not moving or not moving <= shown.free_symbols:
-        return sympy.Integer(0)
+        return total, shown
     if shown == rate:
-        return sympy.Integer(1)
-    left, terms = set(sympy.Add.make_args(expanded(shown))), sympy.Add.make_args(expanded(rate))
-    factors = [part / terms[0] for part in sympy.Add.make_args(expanded(shown))]
-    total = sympy.Integer(0)
+        return sympy.Integer(1), total
+    left, terms = set(_terms(shown)), _terms(rate)
+    factors = [part / terms[0] for part in _terms(shown)]
     for factor in factors:
         needed = {factor * term for term in terms}
         if _is_constant(factor, constants, len(terms)) and needed <= left:
             left, total = left - needed, total + factor
-    return total
+    return total, shown if total == 0 else sympy.Add(*left)
 
 
 def _is_constant(factor: sympy.Expr, constants: frozenset[sympy.Symbol], n_terms: int) -> bool:

@@ -161,6 +161,24 @@ def test_friction_at_a_joint_takes_the_power_that_the_balance_says():
     assert got == pytest.approx(expected, rel=1e-9)
 
 
+def test_accelerometers_on_both_sides_of_a_strut_feel_what_acts_in_it():
+    """The wheel's acceleration has all terms of the body's, and yet it repeats its own alone."""
+    car = PhysicsModel(
+        {"b": "m", "w": "m", "vb": "m/s", "vw": "m/s"}, {"b": "vb", "w": "vw"},
+        {"mb": 300.0, "mw": 40.0, "k": 18e3, "d": 1e3, "kt": 18e4}, {"r": "m"},
+        {"ab": "der(vb)", "aw": "der(vw)", "both": "der(vb) - der(vw)"},
+        inertia={"vb": "mb", "vw": "mw"}, let={"F": "k*(b - w) + d*(vb - vw)"},
+        forces={"vb": "-F", "vw": "F - kt*(w - r)"}, ports={"strut": {"flow": "vb - vw"}},
+    )  # fmt: skip
+    rubbing = car + FRICTION("strut", 50.0)
+    shown, rates = rubbing.outputs, rubbing.equations
+    for seed in range(3):
+        ab, aw, both, vb, vw = numbers_of(
+            rubbing, (*shown.values(), rates["vb"], rates["vw"]), seed
+        )
+        assert (ab, aw, both) == pytest.approx((vb, vw, vb - vw), rel=1e-9)
+
+
 def test_what_leaves_a_store_is_taken_from_its_energy():
     wall = PhysicsModel(
         {"T": "K"}, capacity={"T": "C"}, flows={"T": "P"}, inputs={"P": "W"},

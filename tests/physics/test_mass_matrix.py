@@ -231,6 +231,12 @@ def test_what_is_no_balance_is_refused(changes, said):
         crane(**changes)
 
 
+def test_a_matrix_that_has_no_value_as_yet_is_not_judged():
+    values = {"M": 5.0, "m": 2.0, "l": 0.0, "g": 9.81, "d": 3.0}
+    rows = {"v": ["M/l", "m"], "w": ["m", "M/l"]}
+    assert crane(parameters=values, inertia=rows).inertia["v"][1] == symbol("m")
+
+
 def test_more_rates_than_can_be_solved_are_refused():
     n = MAX_COUPLED + 1
     row = ["m"] * n
