@@ -161,6 +161,12 @@ def test_friction_at_a_joint_takes_the_power_that_the_balance_says():
     assert got == pytest.approx(expected, rel=1e-9)
 
 
+def test_load_dependent_friction_is_driven_by_the_torque_at_its_joint():
+    model = arm(2) + effects.LoadFriction("w2", level=0.1, share=0.2)
+    assert model.forces["w2"].has(abs(symbol("tau2")))
+    assert not model.forces["w2"].has(symbol("tau1"))
+
+
 def test_accelerometers_on_both_sides_of_a_strut_feel_what_acts_in_it():
     """The wheel's acceleration has all terms of the body's, and yet it repeats its own alone."""
     car = PhysicsModel(

@@ -22,7 +22,7 @@ from sklearn_pgnn.physics.effects.rates import (
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded
-from sklearn_pgnn.physics.mass_matrix import own_entry
+from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.effect import Effect
@@ -205,12 +205,11 @@ class LoadFriction(SpeedEffect):
 def _drive(model: PhysicsModel, target: str) -> sympy.Expr:
     """Return the addends of a port's effort with inputs, or else with first-order states."""
     port = model.port(target)
-    if len(port.rates) > 1:
+    state, forces = _forces_at(model, port)
+    if forces is None:
         return _drive_of_several(model, port)
-    ((state, mobility),) = port.rates.items()
-    inertia = own_entry(model.inertia, state) or 1 / mobility
     known = {state, port.position}
-    addends = sympy.Add.make_args(expanded(_unbounded(model.equations[state]) * inertia))
+    addends = sympy.Add.make_args(expanded(forces))
     others = [set(map(str, part.free_symbols)) - known for part in addends]
     free = [not part.has(symbol(state)) for part in addends]
     for driving in _driving(model):
@@ -222,6 +221,19 @@ def _drive(model: PhysicsModel, target: str) -> sympy.Expr:
         if drive:
             return sympy.Add(*drive)
     return sympy.Integer(0)
+
+
+def _forces_at(model: PhysicsModel, port: Port) -> tuple[str, sympy.Expr | None]:
+    """Return the velocity of a port and the sum of forces on it, where the model tells them."""
+    for other, slopes in balances_of(model, port.flow, port.rates).items():
+        if len(slopes) == 1:
+            ((state, slope),) = slopes.items()
+            return state, getattr(model, other)[state] / slope
+    if len(port.rates) > 1:
+        return "", None
+    ((state, mobility),) = port.rates.items()
+    inertia = own_entry(model.inertia, state) or 1 / mobility
+    return state, _unbounded(model.equations[state]) * inertia
 
 
 def _driving(model: PhysicsModel) -> tuple[set[str], set[str]]:
