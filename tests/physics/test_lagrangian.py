@@ -41,6 +41,12 @@ TEXTBOOK = {
          "w2": "2*sin(q1 - q2)*(w1**2*l1*(m1 + m2) + g*(m1 + m2)*cos(q1) + w2**2*l2*m2*cos(q1 - "
                "q2))/(l2*(2*m1 + m2 - m2*cos(2*q1 - 2*q2)))"},
     ),
+    # N. Sun, Y. Fang, IEEE Trans. Automatic Control 57(7), 2012, (1) and (2), solved for the rates
+    "crane": (
+        crane().with_parameters(c=0.0, d=0.0),
+        {"v": "(F + m*sin(q)*(l*w**2 + g*cos(q)))/(M + m*sin(q)**2)",
+         "w": "-(F*cos(q) + m*l*w**2*sin(q)*cos(q) + (M + m)*g*sin(q))/(l*(M + m*sin(q)**2))"},
+    ),
     "three masses": (
         three_masses(),
         {"v2": "(k1*(x1 - x2) - k2*(x2 - x3) + d*(v1 - 2*v2 + v3))/m2"},
