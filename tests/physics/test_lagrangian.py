@@ -41,7 +41,7 @@ TEXTBOOK = {
          "w2": "2*sin(q1 - q2)*(w1**2*l1*(m1 + m2) + g*(m1 + m2)*cos(q1) + w2**2*l2*m2*cos(q1 - "
                "q2))/(l2*(2*m1 + m2 - m2*cos(2*q1 - 2*q2)))"},
     ),
-    # N. Sun, Y. Fang, IEEE Trans. Automatic Control 57(7), 2012, (1) and (2), solved for the rates
+    # the overhead crane of the control literature, without friction
     "crane": (
         crane().with_parameters(c=0.0, d=0.0),
         {"v": "(F + m*sin(q)*(l*w**2 + g*cos(q)))/(M + m*sin(q)**2)",
@@ -66,7 +66,7 @@ def test_the_rates_are_those_of_textbooks(machine):
 
 
 def test_the_arm_has_the_mass_matrix_of_spong():
-    """M. W. Spong, S. Hutchinson, M. Vidyasagar, Robot Modeling and Control, 2006, (7.87)."""
+    """The planar elbow manipulator of "Robot Modeling and Control", with the masses at the ends."""
     rows = arm(2).inertia
     assert str(rows["w1"][0]) == ("J1 + J2 + l1**2*m1 + l1**2*m2 + 2*l1*l2*m2*cos(q2) + l2**2*m2")
     assert str(rows["w1"][1]) == str(rows["w2"][0]) == "J2 + l1*l2*m2*cos(q2) + l2**2*m2"
