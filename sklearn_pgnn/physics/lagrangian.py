@@ -33,7 +33,7 @@ from sympy.simplify.fu import TR8
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.declared_ports import declared_in, read_let
 from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.expressions import RATE, TIME, symbol
 from sklearn_pgnn.physics.model_parts import (
     as_expression,
     as_mapping,
@@ -63,8 +63,10 @@ def lagrangian_parts(section: Mapping[str, Any], model: Mapping[str, Any]) -> di
     names = (*as_mapping("states", model["states"]), *inputs, *parameters)
     efforts = read_let(model.get("let"), declared_in(model.get("ports")), names, inputs)
 
+    let = {**efforts.let, **_rates_of(efforts.let, coordinates)}
+
     def read(given, *where: str) -> sympy.Expr:
-        return as_expression(given, efforts.names(names), ("lagrangian", *where), efforts.let)
+        return as_expression(given, efforts.names(names), ("lagrangian", *where), let)
 
     kinetic, potential, dissipation = (read(section.get(part, 0), part) for part in ENERGIES)
     check_keys("lagrangian.forces", section.get("forces"), coordinates)
@@ -76,6 +78,17 @@ def lagrangian_parts(section: Mapping[str, Any], model: Mapping[str, Any]) -> di
     found = {"equations": coordinates, "inertia": motion.inertia(), "forces": motion.forces()}
     together = {part: {**(model.get(part) or {}), **items} for part, items in found.items()}
     return {**model, **together, "energy": motion.energy()}
+
+
+def _rates_of(let: Mapping[str, sympy.Expr], coordinates) -> dict[str, sympy.Expr]:
+    """Return what ``der`` of a coordinate, or of a place that depends on some, stands for."""
+    moving = {symbol(q): symbol(v) for q, v in coordinates.items()}
+    places = {name: e for name, e in let.items() if not e.free_symbols & set(moving.values())}
+    rates = {
+        name: sympy.Add(e.diff(TIME), *(_slope(e, q) * v for q, v in moving.items()))
+        for name, e in {**places, **{str(q): q for q in moving}}.items()
+    }
+    return {f"{RATE}({name})": rate for name, rate in rates.items()}
 
 
 def check_section(section: Mapping[str, Any]) -> None:

@@ -598,7 +598,8 @@ class PhysicsModel:
         coordinates : mapping of str to str
             For every coordinate :math:`q` its velocity :math:`v`; both are states.
         kinetic : str or sympy.Expr
-            Kinetic energy :math:`T` [J] over coordinates, velocities and parameters.
+            Kinetic energy :math:`T` [J] over coordinates, velocities and parameters. In text,
+            ``der(z)`` is the velocity of a place ``z`` of `let`.
         potential : str or sympy.Expr, default=0
             Potential energy :math:`V` [J] over coordinates, inputs and parameters.
         dissipation : str or sympy.Expr, default=0

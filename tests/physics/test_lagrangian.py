@@ -230,6 +230,33 @@ def test_a_motor_drives_a_pendulum():
     assert str(model.equations["i"]) == "(-K*w - R*i + U)/L"
 
 
+def test_the_velocity_of_a_place_is_its_derivative():
+    let = {"z": "x + l*sin(q)", "h": "l*cos(q)"}
+    same = cart_pole(
+        let=let, kinetic="M*der(x)**2/2 + m*(der(z)**2 + der(h)**2)/2", potential="m*g*h"
+    )
+    assert (same.inertia, same.forces) == (cart_pole().inertia, cart_pole().forces)
+    for seed in range(3):
+        stored = (same.energy["stored"], cart_pole().energy["stored"])
+        got, expected = numbers_of(same, stored, seed)
+        assert got == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_place_that_swings_in_time_moves():
+    model = PhysicsModel.from_lagrangian(
+        {"q": "w"}, "m*(der(x)**2 + der(y)**2)/2", "m*g*y", let={
+            "x": "l*sin(q)", "y": "a*cos(W*t) - l*cos(q)"},
+        states={"q": "rad", "w": "rad/s"},
+        parameters={"m": 0.3, "l": 0.4, "a": 0.05, "W": 20.0, "g": 9.81},
+    )  # fmt: skip
+    kapitza = parse_expression(
+        "-(g - a*W**2*cos(W*t))*sin(q)/l", (*model.states, *model.parameters)
+    )
+    for seed in range(3):
+        got, expected = numbers_of(model, (model.equations["w"], kapitza), seed)
+        assert got == pytest.approx(expected, rel=1e-10)
+
+
 def test_a_diagonal_kinetic_energy_gives_single_inertias():
     assert all(isinstance(m, sympy.Symbol) for m in three_masses().inertia.values())
 
@@ -256,6 +283,7 @@ def test_tidy_keeps_what_is_short():
         ({"coordinates": {}}, "lagrangian.coordinates: .*none.*Remedy"),
         ({"forces": {"v": "F"}}, "lagrangian.forces: unknown name 'v'; expected one of x, q"),
         ({"equations": {"x": "v"}}, "equations.x: follows from 'lagrangian'.*Remedy"),
+        ({"kinetic": "M*der(v)**2/2"}, r"lagrangian.kinetic: .*der\(v\)"),
         ({"dissipation": "c*v**2"}, "lagrangian.dissipation: unknown name 'c'"),
     ],
 )  # fmt: skip
