@@ -91,8 +91,10 @@ def balances_of(
     It is empty where the rates of the port are not those of its flow, or the model has equations.
     """
     for part, other in BALANCES.items():
-        held = tuple(name for name in getattr(model, other) if flow.has(symbol(name)))
-        if held and _is_column(flow, tuple(rates.items()), tuple(getattr(model, part).items())):
+        inertia, forces = getattr(model, part), getattr(model, other)
+        held = [name for name in inertia if flow.has(symbol(name))]
+        told = bool(held) and set(held) <= set(forces)
+        if told and _is_column(flow, tuple(rates.items()), tuple(inertia.items())):
             return {other: {name: flow.diff(symbol(name)) for name in held}}
     return {}
 

@@ -87,6 +87,22 @@ def test_an_effort_between_two_coordinates_enters_both_forces():
     )
 
 
+def test_an_effort_between_a_force_and_an_equation_enters_both():
+    masses = three_masses()
+    rates = {**masses.equations, "v2": masses.equations["v2"] + 0}
+    mixed = masses.replace(
+        equations=rates,
+        forces={v: masses.forces[v] for v in ("v1", "v3")},
+        ports={"spring": {"flow": "v1 - v2"}},
+    )
+    assert "v2" not in mixed.forces
+    moved = mixed.replace(**mixed.port("spring").act(mixed, EFFORT))
+    changes = [moved.equations[v] - mixed.equations[v] for v in ("v1", "v2")]
+    m1, m2 = (masses.parameters[m].value for m in ("m1", "m2"))
+    got = numbers_of(masses, changes, 2)
+    assert got == pytest.approx([-0.7 / m1, 0.7 / m2], rel=1e-9)
+
+
 def test_a_port_whose_rates_are_not_those_of_its_flow_acts_in_the_equations():
     model = between(arm(2), "w1 + w2")
     port = model.port("gear")
