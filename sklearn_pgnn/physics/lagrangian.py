@@ -43,6 +43,8 @@ from sklearn_pgnn.physics.model_parts import (
 
 #: what the model file's section ``lagrangian`` holds
 ENERGIES = ("kinetic", "potential", "dissipation")
+#: most sines and cosines in a product that is written by the sums of angles
+MAX_WAVES = 8
 SECTION = ("coordinates", *ENERGIES, "forces")
 
 
@@ -177,8 +179,18 @@ def tidy(expression: sympy.Expr) -> sympy.Expr:
     cos(b)
     """
     plain = expanded(expression)
-    forms = (expression, plain, expanded(TR8(plain)))
+    forms = [expression, plain]
+    if all(_waves(term) <= MAX_WAVES for term in sympy.Add.make_args(plain)):
+        forms.append(expanded(TR8(plain)))
     return min(forms, key=sympy.count_ops)
+
+
+def _waves(term: sympy.Expr) -> int:
+    """Return a bound of the sines and cosines in a product: their sums have two to its power."""
+    if isinstance(term, sympy.sin | sympy.cos):
+        return 1
+    power = abs(int(term.exp)) if term.is_Pow and term.exp.is_Integer else 1
+    return power * sum(map(_waves, term.args))
 
 
 def _check_coordinates(coordinates, model) -> None:

@@ -6,7 +6,7 @@ have a row, in their order. Zeros divide the matrix into blocks, which are inver
 .. math:: M^{-1} = \mathrm{adj}(M)/\det M
 
 Common factors are taken out of every row; nothing is multiplied out. For the planar arm of two,
-three and four links a rate has at most 400, 2 900 and 19 000 characters, and writing it with all its
+three and four links a rate has at most 400, 2 900 and 19 000 characters, and writing it with its
 derivatives takes 0.3, 1.5 and 10 s.
 """
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 BALANCES = {"inertia": "forces", "capacity": "flows"}
 #: most rates that a block of the matrix may couple: the terms grow with the factorial
 MAX_COUPLED = 5
+#: most operations in a block, times the number of its products
+MAX_OPERATIONS = 100_000
 #: states at which a matrix is tried, and the largest relative error of symmetry
 TRIALS, ROUNDING = 8, 1e-9
 
@@ -278,8 +280,9 @@ def check_balance(part: str, inertia, forces, equations) -> None:
                 f"Remedy: leave one of the two out.",
                 ("equations", name),
             )
-    for names, _ in _blocks(inertia):
-        _check_block(part, names, forces)
+    for names, matrix in _blocks(inertia):
+        _check_block(part, names, matrix)
+        _check_forces(part, names, forces)
 
 
 def _check_rows(part: str, inertia) -> None:
@@ -294,16 +297,22 @@ def _check_rows(part: str, inertia) -> None:
             )
 
 
-def _check_block(part: str, names: tuple[str, ...], forces) -> None:
-    """Raise `ModelError` for a block that is too large, or has only a part of its forces."""
-    other = BALANCES[part]
-    if len(names) > MAX_COUPLED:
+def _check_block(part: str, names: tuple[str, ...], matrix: Matrix) -> None:
+    """Raise `ModelError` for a block whose inverse would be too long."""
+    count, long = len(names), sum(sympy.count_ops(entry) for row in matrix for entry in row)
+    if count > MAX_COUPLED or long * math.factorial(count - 1) > MAX_OPERATIONS:
         raise ModelError(
-            f"{part}: expected at most {MAX_COUPLED} rates that act on each other, got "
-            f"{', '.join(names)}. Remedy: choose coordinates in which more entries are zero, or "
-            f"write 'equations', and 'ports' with their 'rates'.",
+            f"{part}: expected at most {MAX_COUPLED} rates that act on each other, by short "
+            f"expressions, got {', '.join(names)} with {long} operations. Remedy: choose "
+            f"coordinates in which more entries are zero, or write 'equations', and 'ports' with "
+            f"their 'rates'.",
             (part, names[0]),
         )
+
+
+def _check_forces(part: str, names: tuple[str, ...], forces) -> None:
+    """Raise `ModelError` for a block that has only a part of its forces."""
+    other = BALANCES[part]
     given = [name for name in names if name in forces]
     if given and len(given) < len(names):
         missing = next(name for name in names if name not in forces)

@@ -267,6 +267,12 @@ def test_tidy_keeps_what_is_short():
     assert tidy(a * sympy.sin(b) ** 2 + a * sympy.cos(b) ** 2) == a
 
 
+def test_many_sines_are_not_written_by_the_sums_of_angles():
+    waves = sympy.Mul(*(sympy.sin(i * symbol("q")) for i in range(1, 40)))
+    assert tidy(waves) == waves
+    assert tidy(sympy.cos(symbol("q")) ** 90) == sympy.cos(symbol("q")) ** 90
+
+
 # -- errors ----------------------------------------------------------------------------------------
 
 

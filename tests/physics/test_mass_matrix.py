@@ -248,6 +248,17 @@ def test_more_rates_than_can_be_solved_are_refused():
         )  # fmt: skip
 
 
+def test_a_matrix_whose_inverse_would_be_too_long_is_refused():
+    long = "+".join(f"sin({i}*q)" for i in range(400))
+    names = [f"v{i}" for i in range(5)]
+    rows = {v: [long if v == w else "1" for w in names] for v in names}
+    with pytest.raises(ModelError, match=r"by short expressions, got v0, .* Remedy"):
+        PhysicsModel(
+            {"q": "rad"} | dict.fromkeys(names, "m/s"), {"q": "v0"}, inertia=rows,
+            forces=dict.fromkeys(names, 0),
+        )  # fmt: skip
+
+
 FILE = """\
 states: {i: A, j: A}
 inputs: {U: V}
