@@ -166,7 +166,15 @@ class _Motion:
 
 def _slope(function: sympy.Expr, by: sympy.Symbol) -> sympy.Expr:
     """Differentiate; a step of height one is written by a sign."""
-    return sympy.diff(function, by).rewrite(sympy.Heaviside, sympy.sign)
+    slope = sympy.diff(function, by)
+    if slope.has(sympy.DiracDelta, sympy.Derivative, sympy.Subs):
+        raise ModelError(
+            f"lagrangian: expected energies with a mass and forces that are finite, got one that "
+            f"jumps, or bends sharply, in {str(by)!r}. Remedy: leave abs, max, min, sign and floor "
+            f"of velocities to the dissipation and the forces.",
+            ("lagrangian",),
+        )
+    return slope.rewrite(sympy.Heaviside, sympy.sign) if slope.has(sympy.Heaviside) else slope
 
 
 def tidy(expression: sympy.Expr) -> sympy.Expr:
@@ -180,7 +188,7 @@ def tidy(expression: sympy.Expr) -> sympy.Expr:
     """
     plain = expanded(expression)
     forms = [expression, plain]
-    if all(_waves(term) <= MAX_WAVES for term in sympy.Add.make_args(plain)):
+    if 0 < max(map(_waves, sympy.Add.make_args(plain))) <= MAX_WAVES:
         forms.append(expanded(TR8(plain)))
     return min(forms, key=sympy.count_ops)
 

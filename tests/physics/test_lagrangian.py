@@ -289,6 +289,8 @@ def test_many_sines_are_not_written_by_the_sums_of_angles():
         ({"coordinates": {}}, "lagrangian.coordinates: .*none.*Remedy"),
         ({"forces": {"v": "F"}}, "lagrangian.forces: unknown name 'v'; expected one of x, q"),
         ({"equations": {"x": "v"}}, "equations.x: follows from 'lagrangian'.*Remedy"),
+        ({"kinetic": "M*v**2 + m*l**2*w**2 + abs(v)*v"}, "lagrangian: .* jumps, .* in 'v'.*Remedy"),
+        ({"kinetic": "M*v**2 + m*l**2*w**2*floor(x)"}, "lagrangian: .* jumps, .* in 'x'.*Remedy"),
         ({"kinetic": "M*der(v)**2/2"}, r"lagrangian.kinetic: .*der\(v\)"),
         ({"dissipation": "c*v**2"}, "lagrangian.dissipation: unknown name 'c'"),
     ],
