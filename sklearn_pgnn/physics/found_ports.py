@@ -98,7 +98,8 @@ def _of_inputs(model: PhysicsModel, known: list[dict[str, sympy.Expr]]) -> dict[
     for name, unit in model.inputs.items():
         column = _column(model, name)
         driven = "" if column in known else _driven(model, column)
-        alone = driven in model.inertia and column[driven] == 1 / model.inertia[driven]
+        own = own_entry(model.inertia, driven)
+        alone = own is not None and column[driven] == 1 / own
         if driven and not alone and _is_effort(unit, model.unit(driven)):
             twice |= {driven} & set(found)
             found[driven] = _port(model, driven, column, unit)
