@@ -130,6 +130,7 @@ class Investigation:
     wiring: Rewired | None = None
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
     n_compared: int = 0
+    compares_records: bool = True
 
     def run(self, hold: str, is_told: bool) -> Findings:
         """Search with one hold of the inputs, and with the other if the records support it."""
@@ -140,7 +141,7 @@ class Investigation:
         if not is_told and self.progress.ended is None:
             with self.progress.kept():
                 self.searched = self._try_slopes(self.searched)
-        if self.progress.ended is None:
+        if self.compares_records and self.progress.ended is None:
             with self.progress.kept():
                 self._try_differences(self.searched)
         with self.progress.kept():

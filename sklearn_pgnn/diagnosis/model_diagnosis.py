@@ -143,6 +143,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         a minute, for what follows: whether what it has found until then is named beside the other
         causes, errors and intervals. It stops at the next step of a fit, what it holds is
         provisional, and fits that the result needs end after two steps where all the time is up.
+    compare_records : bool, default=True
+        Whether what differs between records, or since some time, may be a cause. The extended model
+        then has a further input, see `groups_`.
     verbose : int, default=0
         Whether to show the stage and the best so far: in a terminal by a bar, elsewhere, as in a
         notebook or a file, by a line at every stage and every few seconds.
@@ -253,6 +256,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         random_state: RandomState = 0,
         progress: Callable[[str, int, int], None] | None = None,
         time_limit: float | None = None,
+        compare_records: bool = True,
         verbose: int = 0,
     ):
         self.model = model
@@ -270,6 +274,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.progress = progress
         self.time_limit = time_limit
+        self.compare_records = compare_records
         self.verbose = verbose
 
     def __sklearn_is_fitted__(self):
@@ -387,6 +392,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "threads": local_threads(self.n_jobs),
                 "n_processes": other_processes(self.n_jobs),
             },
+            compares_records=self.compare_records,
         )
 
     def _rescue(self, investigation: Investigation, error: BaseException) -> None:

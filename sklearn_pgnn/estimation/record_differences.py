@@ -26,7 +26,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effects.differences import AND, DIFFERENCES, IN, SINCE, Difference
 from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.normal_equations import project
+from sklearn_pgnn.simulation.normal_equations import Normal, project
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, prior_precision
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.record import Record
@@ -62,9 +62,13 @@ class Marked(NamedTuple):
 
 @dataclass(frozen=True)
 class _Normal:
-    """The normal equations of a quantity in every item: its own, and with shared parameters."""
+    """The normal equations of a quantity in every item: its own, and with what all items share.
+
+    The inverse Hessian and the step of what is shared hold for all items together.
+    """
 
     shared: np.ndarray
+    step: np.ndarray
     gradient: np.ndarray
     own: np.ndarray
     mixed: np.ndarray
@@ -75,11 +79,12 @@ class _Normal:
             np.array([part[item].sum(axis=0) for item in items])
             for part in (self.gradient, self.own, self.mixed)
         )
-        return _Normal(self.shared, *parts)
+        return _Normal(self.shared, self.step, *parts)
 
     def of(self, items: np.ndarray) -> "_Normal":
         """Return those of some items, in another order."""
-        return _Normal(self.shared, self.gradient[items], self.own[items], self.mixed[items])
+        parts = (part[items] for part in (self.gradient, self.own, self.mixed))
+        return _Normal(self.shared, self.step, *parts)
 
     @property
     def steps(self) -> np.ndarray:
@@ -93,7 +98,7 @@ class _Normal:
         return self._solved(*(np.cumsum(part[::-1], axis=0)[::-1] for part in parts))[1]
 
     def _solved(self, s, own, a) -> tuple[np.ndarray, np.ndarray]:
-        h = own - np.einsum("wi,ij,wj->w", a, self.shared, a)
+        h, s = own - np.einsum("wi,ij,wj->w", a, self.shared, a), s - a @ self.step
         step = np.where(h > FLAT * self.own.sum(), s / np.where(h > 0.0, h, 1.0), 0.0)
         return step, step * s
 
@@ -157,12 +162,23 @@ def _normals(
     estimate, n = problem.states.estimate(fit.model), len(free)
     offset = fit.x0 - estimate.x[windows.starts]
     normal = project(evaluation.gram, n + len(own), estimate.spread**-2.0, offset)
-    of_shared = normal.hessian[:, :n, :n].sum(axis=0) + prior_precision(tuple(free))
-    shared = np.linalg.pinv(of_shared)
-    return [
-        _Normal(shared, normal.gradient[:, q], normal.hessian[:, q, q], normal.hessian[:, :n, q])
-        for q in range(n, n + len(own))
-    ]
+    pull = prior_precision(tuple(free))
+    return [_normal_of(normal, pull, q) for q in range(n, n + len(own))]
+
+
+def _normal_of(normal: Normal, pull: np.ndarray, q: int) -> _Normal:
+    """Return the normal equations of a quantity; windows share parameters and its usual value.
+
+    So what is the same everywhere, if only beyond a limit, is no difference.
+    """
+    n = len(pull)
+    every = [*range(n), q]
+    of_shared = normal.hessian[:, every][:, :, every].sum(axis=0)
+    of_shared[:n, :n] += pull
+    shared = np.linalg.pinv(of_shared, rcond=FLAT, hermitian=True)
+    slope = np.append(np.zeros(n), normal.gradient[:, q].sum())  # the parameters are fitted
+    mixed = normal.hessian[:, every, q]
+    return _Normal(shared, shared @ slope, normal.gradient[:, q], normal.hessian[:, q, q], mixed)
 
 
 def _is_within(model: PhysicsModel, freedom: ParameterPrior) -> bool:

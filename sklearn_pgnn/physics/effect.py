@@ -281,7 +281,18 @@ class Effect(ABC):
         return phrase.format(effect=cls.id.replace("_", " "), target=target)
 
     def summarise(self, model: PhysicsModel) -> str:
-        """Return a sentence with the fitted values, where that says more than `summary`."""
+        """Return a sentence with the fitted values, where that says more than `summary`.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The extended model.
+
+        Returns
+        -------
+        str
+            The sentence; empty by default.
+        """
         return ""
 
     @classmethod
