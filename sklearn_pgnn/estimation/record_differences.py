@@ -33,6 +33,8 @@ from sklearn_pgnn.trajectories.record import Record
 
 #: a column that is one in every record: what differs in all of them is what any may differ in
 ALL = f"{IN}all_records"
+#: and one that is one in a group
+MARKED = f"{IN}marked"
 #: longest column that is made of the names of its records
 LONGEST = 60
 #: onsets that are compared at a time
@@ -153,30 +155,33 @@ def _normals(
 ) -> list[_Normal]:
     """Return the normal equations of every quantity in every window, by default all of it."""
     windows, free = problem.windows, [f for f in fit.freedoms if _is_within(fit.model, f)]
-    marks = np.ones(len(windows.t)) if marks is None else marks
-    effects = [kind(pair(name, ALL)) for kind, name in wanted]
-    model = reduce(add, effects, fit.model.replace(inputs={**fit.model.inputs, ALL: ""}))
+    columns = {ALL: np.ones(len(windows.t))} | ({} if marks is None else {MARKED: marks})
+    effects = [kind(pair(name, column)) for column in columns for kind, name in wanted]
+    inputs = {**fit.model.inputs, **dict.fromkeys(columns, "")}
+    model = reduce(add, effects, fit.model.replace(inputs=inputs))
     own = [name for effect in effects for name in effect.names().values()]
-    marked = replace(windows, u=np.column_stack([windows.u, marks]))
+    marked = replace(windows, u=np.column_stack([windows.u, *columns.values()]))
     evaluation = evaluate(model, marked, fit.x0, (*(f.name for f in free), *own))
     estimate, n = problem.states.estimate(fit.model), len(free)
     offset = fit.x0 - estimate.x[windows.starts]
     normal = project(evaluation.gram, n + len(own), estimate.spread**-2.0, offset)
-    pull = prior_precision(tuple(free))
-    return [_normal_of(normal, pull, q) for q in range(n, n + len(own))]
+    pull, last = prior_precision(tuple(free)), n + len(own) - len(wanted)
+    return [_normal_of(normal, pull, n + i, last + i) for i in range(len(wanted))]
 
 
-def _normal_of(normal: Normal, pull: np.ndarray, q: int) -> _Normal:
+def _normal_of(normal: Normal, pull: np.ndarray, usual: int, q: int) -> _Normal:
     """Return the normal equations of a quantity; windows share parameters and its usual value.
 
     So what is the same everywhere, if only beyond a limit, is no difference.
     """
     n = len(pull)
-    every = [*range(n), q]
+    every = [*range(n), usual]
     of_shared = normal.hessian[:, every][:, :, every].sum(axis=0)
     of_shared[:n, :n] += pull
-    shared = np.linalg.pinv(of_shared, rcond=FLAT, hermitian=True)
-    slope = np.append(np.zeros(n), normal.gradient[:, q].sum())  # the parameters are fitted
+    size = np.sqrt(np.maximum(np.diag(of_shared), np.finfo(float).tiny))
+    shared = np.linalg.pinv(of_shared / np.outer(size, size), rcond=FLAT, hermitian=True)
+    shared /= np.outer(size, size)
+    slope = np.append(np.zeros(n), normal.gradient[:, usual].sum())  # the parameters are fitted
     mixed = normal.hessian[:, every, q]
     return _Normal(shared, shared @ slope, normal.gradient[:, q], normal.hessian[:, q, q], mixed)
 
@@ -205,7 +210,7 @@ def _of_records(record: np.ndarray, normal: _Normal, goes_up: bool) -> Iterator[
     order = np.argsort(each.steps if goes_up else -each.steps, kind="stable")
     upper, lower = each.of(order), each.of(order[::-1])
     for part, places in ((upper, order), (lower, order[::-1])):
-        left = (len(known) + (part is upper)) // 2  # of two equal parts only the upper one
+        left = (len(known) - (part is lower)) // 2  # of two equal parts only the upper one
         decreases = part.from_each_on
         first = max(range(len(known) - left, len(known)), key=lambda k: decreases[k], default=0)
         if first > 0:
