@@ -1,12 +1,13 @@
 r"""What differs between records, or since when: a screen by a linear model of all windows.
 
 With the normal equations :math:`H_w, g_w` of window :math:`w`, its initial state eliminated, a
-quantity :math:`q` that is another by :math:`\delta` in some windows :math:`A`, all shared
-parameters :math:`p` re-tuned, lowers the sum of squares by
+quantity :math:`q` that is another by :math:`\delta` in some windows :math:`A` lowers the sum of
+squares by :math:`s^2/h` beyond what all windows share: the parameters and the usual value of
+:math:`q`, together :math:`p`,
 
-.. math:: \frac{s^2}{h}, \qquad s = \sum_{w \in A} g_{w,q}, \qquad
-          h = \sum_{w \in A} H_{w,qq} - a^T \Big(\sum_w H_{w,pp}\Big)^{-1} a, \qquad
-          a = \sum_{w \in A} H_{w,pq}.
+.. math:: s = \sum_{w \in A} g_{w,q} - a^T H^{-1} \sum_w g_{w,p}, \qquad
+          h = \sum_{w \in A} H_{w,qq} - a^T H^{-1} a, \qquad
+          a = \sum_{w \in A} H_{w,pq}, \qquad H = \sum_w H_{w,pp}.
 
 The windows are those of some records, or those that begin after an onset, in one record or in all.
 Groups of records part these in the order of :math:`s/h` of each alone: a record more or less for
