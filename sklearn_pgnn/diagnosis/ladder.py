@@ -1,26 +1,19 @@
 """Successive fits of candidates: from a few steps on few samples to a fit on all windows."""
 
-import math
-from collections.abc import Sequence
-from contextlib import suppress
 from itertools import combinations
+from math import comb
 
 import numpy as np
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
-from sklearn_pgnn.estimation.budgets import KEPT, MUCH, SETS
+from sklearn_pgnn.estimation.budgets import KEPT, SETS
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.held_out import segments
-from sklearn_pgnn.estimation.hypothesis import Hypothesis
-from sklearn_pgnn.estimation.hypothesis_models import Key
-from sklearn_pgnn.estimation.linear_gain import Left, LinearGain
 from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
-from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 class Ladder:
@@ -36,6 +29,12 @@ class Ladder:
         The causes to consider.
     same : dict
         By candidate, the effects that are the same in the equations of the prior.
+
+    Attributes
+    ----------
+    alone : dict
+        Share of the re-tuned prior's squares that each candidate leaves as the only cause, as far
+        as known.
     """
 
     def __init__(
@@ -47,89 +46,15 @@ class Ladder:
     ):
         self.fitter, self.candidates, self.same = fitter, candidates, same
         self.progress = fitter.progress
-        self._alone: dict[Effect, ShareLeft] = {}
+        self.alone: dict[Effect, ShareLeft] = {}
         self._criterion = criterion
         self._screening: Screening | None = None
-        self._gains: dict[Key, tuple[WindowFit, dict[Effect, Left]]] = {}
 
-    @property
-    def alone(self) -> dict[Effect, ShareLeft]:
-        """What each candidate leaves as the only cause: as fitted, else to first order."""
-        _, gains = self._gains.get(self.fitter.key(Hypothesis()), (None, {}))
-        told = {
-            same: share_left(left.before.sum(axis=1), left.after.sum(axis=1))
-            for cause, left in gains.items()
-            for same in (cause, *self.same[cause])
-        }
-        return told | self._alone
-
-    def first_fits(self, current: FittedHypothesis, patiently: bool = False) -> list[SubsampleFit]:
-        """Fit candidates beside the causes on some samples for some steps, nearest first.
-
-        All of them if that is to be done patiently, else those that may be named or come near the
-        best.
-        """
-        allowed = [c for c in self.candidates if current.hypothesis.allows(c)]
+    def first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
+        """Fit candidates beside the causes on some samples for some steps, nearest first."""
+        allowed = [c for c in candidates if current.hypothesis.allows(c)]
         self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
-        ground = self.fitter.subsample(current)
-        if patiently:
-            return self._first_fits(ground, allowed)
-        likely = self.promising(ground, allowed)
-        fits = self._first_fits(ground, likely[:KEPT])
-        if fits:
-            likely = self._near(ground, likely, min(fit.squares for fit in fits))
-        return self._first_fits(ground, likely)
-
-    def promising(self, ground: SubsampleFit, candidates: Sequence[Effect]) -> list[Effect]:
-        """Return the candidates whose gain to first order is enough to be named, the largest first.
-
-        Those of which it is not known come last.
-        """
-        gains, counts = self._gains_beside(ground), self._effective_samples(ground)
-        told = [c for c in candidates if c in gains]
-        enough = [c for c in told if gains[c].evidence(counts) > self._criterion.to_name]
-        unknown = [c for c in candidates if c not in gains]
-        return [*sorted(enough, key=lambda cause: gains[cause].share), *unknown]
-
-    def _near(
-        self, ground: SubsampleFit, candidates: Sequence[Effect], best: float
-    ) -> list[Effect]:
-        r"""Return the candidates that are expected to come near the best, or were fitted before.
-
-        Of squares :math:`S_0` the best leaves :math:`S`. A candidate is near that promises a
-        quarter of its gain, :math:`\log(S_0/S_c) \ge \tfrac14 \log(S_0/S)`: a fit may gain more
-        than the first order promises.
-        """
-        gains, before = self._gains_beside(ground), ground.squares
-        most = (best / before) ** (1.0 / MUCH**2)
-
-        def is_near(cause: Effect) -> bool:
-            known = np.isfinite(self.fitter.known_squares(ground, cause))
-            return known or cause not in gains or gains[cause].share <= most
-
-        return [cause for cause in candidates if is_near(cause)]
-
-    def _gains_beside(self, ground: SubsampleFit) -> dict[Effect, Left]:
-        """Return what every candidate leaves to first order beside the causes of a hypothesis."""
-        known = self._known_gains(ground)
-        if not known and ground.fit.usable:
-            fitter, hypothesis = self.fitter, ground.hypothesis
-            allowed = (c for c in self.candidates if hypothesis.allows(c))
-            gain = LinearGain(fitter.models, fitter.scales, ground, self.progress.tick)
-            with suppress(*BREAKDOWNS):  # then every candidate is fitted
-                known = gain.left(fitter.windows_of(ground.fit.model), allowed)
-            self._gains[fitter.key(hypothesis)] = ground.fit, known
-        return known
-
-    def _known_gains(self, ground: SubsampleFit) -> dict[Effect, Left]:
-        fit, known = self._gains.get(self.fitter.key(ground.hypothesis), (None, {}))
-        return known if fit is ground.fit else {}
-
-    def _effective_samples(self, ground: SubsampleFit) -> np.ndarray:
-        """Return the number of values of every output, correlated ones counting for less."""
-        residual, windows = ground.fit.evaluation.residual, self.fitter.rough.windows
-        times = autocorrelation_times(residual, segments(windows))
-        return np.isfinite(residual).sum(axis=0) / times
+        return self._first_fits(self.fitter.subsample(current), allowed)
 
     def _first_fits(self, ground: SubsampleFit, candidates) -> list[SubsampleFit]:
         fits = []
@@ -154,7 +79,7 @@ class Ladder:
         begins anew beside the others.
         """
         counts = range(1, min(most, len(self.candidates)) + 1)
-        if sum(math.comb(len(self.candidates), n) for n in counts) > SETS:
+        if sum(comb(len(self.candidates), n) for n in counts) > SETS:
             return []
         sets = [frozenset(c) for n in counts for c in combinations(self.candidates, n)]
         self.progress.begin("all sets", len(sets))
@@ -192,28 +117,43 @@ class Ladder:
             self._note_alone(self.fitter.subsample(current), found)
         return usable(found)
 
+    def promising(self, ground: SubsampleFit) -> tuple[Effect, ...]:
+        """Return the half of the candidates expected to leave least; all if there is no cause yet.
+
+        For candidates already fitted beside the same causes the known value is used if it is lower.
+        Candidates without an expectation, since no fit of them could be made, are kept as well.
+        """
+        if not ground.hypothesis.causes:
+            return self.candidates
+        screening = self.screen()
+        left = {
+            cause: min(expected, self.fitter.known_squares(ground, cause))
+            for expected, (cause,) in screening.rank(ground)
+        }
+        ranked = sorted(left, key=lambda cause: left[cause])
+        unknown = set(self.candidates) - screening.known
+        return (*ranked[: -(-len(ranked) // 2)], *(c for c in self.candidates if c in unknown))
+
     def screen(self) -> Screening:
-        """Return what the candidates change, by the first fits that were made."""
+        """Return what the candidates change, by their first fits."""
         if self._screening is None:
             self._screening = Screening(self.fitter.windows_of, self.fitter.progress.tick)
             base = self.fitter.subsample(self.fitter.base())
+            self.fitter.prepare_first_fits((base, cause) for cause in self.candidates)
             for cause in self.candidates:
-                if np.isfinite(self.fitter.known_squares(base, cause)):
-                    self._screening.learn(base, self.fitter.first_fit(base, cause))
+                alone = self.fitter.first_fit(base, cause)
+                self._note_alone(base, [alone])
+                self._screening.learn(base, alone)
         return self._screening
-
-    def tell_alone(self) -> None:
-        """Find what every candidate leaves as the only cause, to first order."""
-        self._gains_beside(self.fitter.subsample(self.fitter.base()))
 
     def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
         """Return the hypotheses with another candidate in a cause's place, on all windows."""
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
-        best, known = self.fitter.subsample(current), self.fitter.is_known
-        others = [c for c in self.candidates if c != cause and without.hypothesis.allows(c)]
-        others = self._near(without, others, best.squares)
+        likely = self.promising(without)
+        others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
         self.progress.begin("other causes", 2 * len(others))
         fits = self._first_fits(without, others)
+        best, known = self.fitter.subsample(current), self.fitter.is_known
         ends = [self.step(self.fitter.converge(fit, self._limit(best, fit))) for fit in fits]
         near = [
             fit
@@ -247,7 +187,7 @@ class Ladder:
                 (cause,) = fit.hypothesis.causes
                 for same in (cause, *self.same[cause]):
                     left = share_left(*(each.fit.evaluation.squares for each in (ground, fit)))
-                    self._alone[same] = min(left, self._alone.get(same, left))
+                    self.alone[same] = min(left, self.alone.get(same, left))
 
 
 def usable(fits: list[SubsampleFit]) -> list[SubsampleFit]:

@@ -69,13 +69,12 @@ class Moves:
 
     def add(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best candidate; only the better half of the first fits is run to convergence."""
-        fits = self.ladder.first_fits(current)
-        some = max(-(-len(fits) // 2), 2 * KEPT)
-        yield from self._choose(current, self.ladder.converge(current, fits[:some]))
+        fits = self.ladder.first_fits(current, self.ladder.candidates)
+        yield from self._choose(current, self.ladder.converge(current, fits[: -(-len(fits) // 2)]))
 
     def add_patiently(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Add the best candidate; every one is fitted, and every first fit run to convergence."""
-        fits = self.ladder.first_fits(current, patiently=True)
+        """Add the best candidate; every first fit is run to convergence."""
+        fits = self.ladder.first_fits(current, self.ladder.candidates)
         yield from self._choose(current, self.ladder.converge(current, fits))
 
     def add_known(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:

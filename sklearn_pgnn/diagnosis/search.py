@@ -91,7 +91,7 @@ class Search:
             if begin is None:
                 self._take_given()
             else:
-                self.ladder.tell_alone()
+                self.ladder.screen()  # what every candidate leaves alone is told
                 self.current = begin
             self._climb_and_simplify()
             self._prune_and_climb()
@@ -280,7 +280,7 @@ class Search:
             found = rivals[cause] + find_rivals(self.ladder, final, cause, others)
             rivals[cause] = self.criterion.probable(found, beside[cause])
             outside[cause] = self._outside(final, cause, rivals[cause], beside[cause])
-        alone = self.ladder.alone
+        alone = dict(self.ladder.alone)
         return SearchResult(base, steps, rivals, beside, outside, alone, complete)
 
     def _put_the_likeliest_first(self) -> dict[Effect, InPlace]:
