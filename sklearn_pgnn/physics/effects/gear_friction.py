@@ -61,7 +61,7 @@ class GearLoss(LoadFriction):
     backward: float = quantity("mub", "", low=0.0)
     id = "gear_loss"
     generalises = (CoulombFriction.id, LoadFriction.id)
-    excludes = (CoulombFriction.id, LoadFriction.id)
+    excludes = (CoulombFriction.id, LoadFriction.id, "load_stribeck_friction")
     summary = "A gear that loses more as it is driven back than as it drives, or less."
     check = "Lift and lower a weight at one speed: the losses differ by more than the friction."
 
@@ -123,7 +123,7 @@ class LoadStribeckFriction(LoadFriction):
     id = "load_stribeck_friction"
     phrase = "Stribeck friction with load on {target}"
     generalises = (CoulombFriction.id, LoadFriction.id, Stribeck.id)
-    excludes = (CoulombFriction.id, LoadFriction.id, Stribeck.id)
+    excludes = (CoulombFriction.id, LoadFriction.id, Stribeck.id, "gear_loss")
     summary = "Dry friction that grows with the load and is higher at rest: a loaded, slow gear."
     check = "Drive at constant low speeds with two weights: the peak at rest grows with the weight."
 

@@ -13,6 +13,7 @@ from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.levels import StateEffect, first_order_states
 from sklearn_pgnn.physics.effects.losses import surroundings
 from sklearn_pgnn.physics.effects.rates import PositionEffect, force_scale
+from sklearn_pgnn.physics.effects.springs import LinearStiffness
 from sklearn_pgnn.physics.effects.targets import free_name, pair, parts
 from sklearn_pgnn.physics.expressions import TIME, symbol
 
@@ -236,6 +237,8 @@ class MaxwellBranch(PositionEffect):
     phrase = "creeping spring (Maxwell branch) at {target}"
     summary = "A spring that gives way in time: rubber, polymers, felt, an oil-filled mount."
     check = "Deflect it by a step and hold: the force falls to a lower value."
+    generalises = (LinearStiffness.id,)
+    excludes = (LinearStiffness.id,)
 
     @property
     def crept(self) -> sympy.Symbol:
@@ -280,8 +283,8 @@ class MaxwellBranch(PositionEffect):
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Keep the creep slower than a sample, and within a few windows."""
-        return {"time_constant": (scales.sample_time, 3.0 * scales.window)}
+        """Keep the creep slower than a sample, and within a window: beyond it is a spring."""
+        return {"time_constant": (scales.sample_time, scales.window)}
 
 
 @dataclass(frozen=True)
