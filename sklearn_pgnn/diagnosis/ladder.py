@@ -1,6 +1,7 @@
 """Successive fits of candidates: from a few steps on few samples to a fit on all windows."""
 
 from itertools import combinations
+from math import comb
 
 import numpy as np
 
@@ -78,9 +79,9 @@ class Ladder:
         begins anew beside the others.
         """
         counts = range(1, min(most, len(self.candidates)) + 1)
-        sets = [frozenset(c) for n in counts for c in combinations(self.candidates, n)]
-        if len(sets) > SETS:
+        if sum(comb(len(self.candidates), n) for n in counts) > SETS:
             return []
+        sets = [frozenset(c) for n in counts for c in combinations(self.candidates, n)]
         self.progress.begin("all sets", len(sets))
         found = {frozenset[Effect](): self.fitter.subsample(self.fitter.base())}
         for chosen in sets:
