@@ -28,6 +28,8 @@ from sklearn_pgnn.whole_file import is_stream, write_whole
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
+#: doubts of one kind that are told of one entry of a file
+MOST_TOLD = 5
 #: characters of a text that an error message shows
 SHOWN = 60
 _PLAIN_TAGS = {
@@ -149,12 +151,18 @@ class _Reader:
         self.warn(ModelWarning, said, "write it into an equation, or leave it out")
 
     def warn(self, kind: type[ModelWarning], sentences: Iterable[str], remedy: str) -> None:
-        """Warn of what is doubtful, with its line and the remedy."""
+        """Warn of what is doubtful, with its line and the remedy; a few times an entry."""
+        entries: dict[str, list[str]] = {}
         for said in sentences:
-            where = tuple(said.split(":")[0].split("."))
-            mark = self.places[where].start_mark
+            entries.setdefault(said.split(":")[0], []).append(said)
+        for entry, of_it in entries.items():
+            mark = self.places[tuple(entry.split("."))].start_mark
             place = f"{self.path}:{mark.line + 1}:{mark.column + 1}"
-            warn_user(f"{place}: {said} Remedy: {remedy}.", kind)
+            left = len(of_it) - MOST_TOLD
+            for said in of_it[:MOST_TOLD]:
+                warn_user(f"{place}: {said} Remedy: {remedy}.", kind)
+            if left > 0:
+                warn_user(f"{place}: {entry}: {left} more of this kind. Remedy: {remedy}.", kind)
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)
