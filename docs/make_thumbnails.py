@@ -38,6 +38,49 @@ OVEN = PhysicsModel(
     parameters={"C": {"value": 80.0, "unit": "J/K", "bounds": [1, 1e4]}},
     equations={"T": "P/C"},
 )
+SHAFT = PhysicsModel(
+    name="shaft",
+    states={"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"},
+    inputs={"torque": "N m"},
+    outputs={"motor": "a", "load": "b"},
+    parameters={
+        "J": {"value": 0.01, "unit": "kg m^2", "bounds": [1e-4, 1]},
+        "k": {"value": 3.0, "unit": "N m/rad", "bounds": [0.1, 100]},
+        "d": {"value": 0.02, "unit": "N m s/rad", "bounds": [0, 1]},
+    },
+    equations={
+        "a": "v",
+        "b": "w",
+        "v": "(torque - d*v - k*(a - b))/J",
+        "w": "(k*(a - b) - d*w)/J",
+    },
+    inertia={"v": "J", "w": "J"},
+)
+KILN = PhysicsModel(
+    name="kiln",
+    states={"T": "degC"},
+    inputs={"P": "W", "T_room": "degC"},
+    outputs={"temperature": "T"},
+    parameters={
+        "C": {"value": 80.0, "unit": "J/K", "bounds": [1, 1e4]},
+        "h": {"value": 2.0, "unit": "W/K", "bounds": [0.01, 100]},
+    },
+    equations={"T": "(P + h*(T_room - T))/C"},
+)
+CELL = PhysicsModel(
+    name="cell",
+    states={"z": ""},
+    inputs={"I": "A"},
+    outputs={"V": "c*z + R0*I"},
+    parameters={
+        "Q": {"value": 500.0, "unit": "A s", "bounds": [10, 1e5]},
+        "k": {"value": 5.0, "unit": "A", "bounds": [0.01, 100]},
+        "c": {"value": 1.0, "unit": "V", "bounds": [0.1, 10]},
+        "R0": {"value": 0.2, "unit": "Ohm", "bounds": [0.001, 10]},
+    },
+    equations={"z": "(I - k*z)/Q"},
+)
+SLOW = {"n_records": 4, "duration": 600.0, "sample_rate": 1.0, "noise": 1e-2}
 #: the machines in which an effect is looked for, and how their records are made
 MACHINES = (
     (systems.cart_on_spring(), {"n_records": 4, "sample_rate": 100.0, "noise": 1e-3}),
@@ -46,7 +89,10 @@ MACHINES = (
         systems.two_tanks(),
         {"n_records": 4, "duration": 600.0, "sample_rate": 1.0, "amplitude": 2.7, "noise": 1e-2},
     ),
-    (OVEN, {"n_records": 4, "duration": 600.0, "sample_rate": 1.0, "noise": 1e-2}),
+    (OVEN, SLOW),
+    (SHAFT, {"n_records": 4, "sample_rate": 100.0, "noise": 1e-3}),
+    (KILN, SLOW),
+    (CELL, SLOW),
 )
 #: kinds of targets in the order of the page, and their headings
 KINDS = {

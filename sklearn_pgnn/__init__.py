@@ -26,6 +26,7 @@ _OBJECTS = {
     "PhysicsModel": "sklearn_pgnn.physics",
     "PhysicsModelRegressor": "sklearn_pgnn.estimators",
     "PhysicsModelTransformer": "sklearn_pgnn.preprocessing",
+    "Port": "sklearn_pgnn.physics",
     "ResidualRegressor": "sklearn_pgnn.estimators",
     "SINDYcRegressor": "sklearn_pgnn.estimators.sindyc",
     "make_pgnn_pipeline": "sklearn_pgnn.pipeline",

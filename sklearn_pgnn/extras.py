@@ -14,6 +14,7 @@ EXTRAS = {
     "fmu": ("fmpy",),
     "mdf": ("asammdf",),
     "network": ("skorch", "torch"),
+    "robots": ("mujoco",),
     "ros": ("rosbags",),
     "sindy": ("pysindy",),
     "tuning": ("skopt",),

@@ -43,6 +43,10 @@ USES = {
         "sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())",
         "sklearn_pgnn.priors.from_casadi(None, {})",
     ],
+    "robots": [
+        "from sklearn_pgnn.priors import from_urdf; from_urdf('arm.urdf')",
+        "from sklearn_pgnn.priors import from_mjcf; from_mjcf('arm.xml')",
+    ],
     "mdf": ["from sklearn_pgnn.trajectories import read_file; read_file('run.mf4', None)"],
     "ros": ["from sklearn_pgnn.trajectories import read_file; read_file('run.bag', None)"],
     "files": [
@@ -107,6 +111,8 @@ help(sklearn_pgnn)
 def said(tmp_path_factory):
     """What is said, extra by extra, to whoever uses what needs it; one process tries all."""
     folder = tmp_path_factory.mktemp("extras")
+    (folder / "arm.urdf").write_text("<robot/>")
+    (folder / "arm.xml").write_text("<mujoco/>")
     (folder / "run.mat").write_bytes(b"\x89HDF\r\n\x1a\n")  # as version 7.3 begins
     program = f"""
 import json, sklearn_pgnn

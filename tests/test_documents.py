@@ -204,6 +204,19 @@ def test_the_model_file_of_the_user_guide_is_one(tmp_path):
     assert model.columns == {"torque": "tau_cmd"}
 
 
+def test_the_cranes_of_the_user_guide_are_one(tmp_path):
+    text = (ROOT / "docs" / "user_guide.rst").read_text(encoding="utf-8")
+    blocks = re.findall(r"code-block:: yaml\n\n((?:    .*\n|\n)+)", text)
+    path = tmp_path / "model.yaml"
+    models = []
+    for block in (block for block in blocks if "name: crane" in block):
+        path.write_text(textwrap.dedent(block), encoding="utf-8")
+        models.append(sklearn_pgnn.PhysicsModel.from_yaml(path))
+    by_matrix, by_energies = models
+    assert by_matrix.energy == {} != by_energies.energy
+    assert by_matrix == by_energies.replace(energy={})
+
+
 def shown_files(page):
     """Return what a page shows of files, by their names."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")

@@ -57,6 +57,7 @@ HOMES = {
     "casadi": ("export/casadi_function", "priors/casadi_program"),
     "onnx": ("export/onnx_",),
     "fmpy": ("priors/fmu_",),
+    "mujoco": ("priors/robot",),
     "control": ("export/control_system", "priors/nlsys"),
     "distributed": ("cli/cluster",),
     "nonlinear_benchmarks": ("datasets/public",),

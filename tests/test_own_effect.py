@@ -36,13 +36,12 @@ class EddyBrake(Effect):
 
     @classmethod
     def targets(cls, model):
-        return tuple(model.inertia)
+        return tuple(name for name, port in model.ports.items() if port.unit == "N")
 
     def rewrite(self, model, p):
-        v = symbol(self.target)
-        force = 2 * p["peak"] * p["speed"] * v / (p["speed"] ** 2 + v**2)
-        rate = model.equations[self.target] - force / model.inertia[self.target]
-        return {"equations": {**model.equations, self.target: rate}}
+        port = model.port(self.target)
+        v = port.flow
+        return port.act(model, 2 * p["peak"] * p["speed"] * v / (p["speed"] ** 2 + v**2))
 
     @classmethod
     def starts(cls, target, model, scales):
@@ -53,7 +52,7 @@ class EddyBrake(Effect):
         return {"speed": (0.01 * scales.typical[target], 2.0 * scales.typical[target])}
 
     def characteristic(self, model):
-        return Characteristic("force", self.target, symbol(self.target))
+        return Characteristic("force", self.target, model.port(self.target).flow)
 
 
 @dataclass(frozen=True)

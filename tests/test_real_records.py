@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from mechanisms import integrate
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModelRegressor, effects
 from sklearn_pgnn.inspection.report import render_report
@@ -217,5 +218,37 @@ def test_an_unfinished_search_names_nothing_for_certain(cases, limit):
         assert found.verdict_ in ("provisional", "model_adequate")
         assert not found.tested_
         assert all(np.isnan(cause.probability) for cause in found.causes_)
-    else:  # the frictions are in the model: nothing is missing
-        assert (found.verdict_, found.causes_) == ("model_adequate", ())
+
+
+@pytest.mark.slow
+def test_bouc_wen_is_named_and_predicts_the_test_signals_of_the_benchmark(real_data):
+    """The law of the benchmark, with the numbers of its authors, integrated here.
+
+    Its test signals are a multisine of 5 to 150 Hz and 50 N, and a sweep from 20 to 50 Hz of 40 N.
+    """
+    model = PhysicsModel.from_yaml(real_data / "bouc_wen" / "bw.yaml")
+    X, y = read_csv_files([real_data / "bouc_wen" / "train_short.csv"], model)
+    catalogue = ["hysteretic_spring", "hysteresis", "cubic_stiffness", "coulomb_friction"]
+    found = ModelDiagnosis(model, catalogue=catalogue, n_jobs=1).fit(X[:2048], y[:2048])
+    assert [cause.effect for cause in found.causes_] == ["hysteretic_spring"]
+    assert found.hold_ == "foh"
+    extended, fine = found.extended_model_, 20
+
+    def rates(x, u):
+        q, v, z = x
+        bent = 5e4 * v - 1e3 * (0.8 * abs(v) * z - 1.1 * v * abs(z))
+        return v, (u - 5e4 * q - 10 * v - z) / 2, bent
+
+    t = np.arange(3000) / 750
+    lines = np.arange(5, 150, 0.5)
+    phases = np.random.default_rng(0).uniform(0, 2 * np.pi, lines.size)
+    wave = [50 * np.sqrt(2 / lines.size), 2 * np.pi * lines, phases]
+    for force, most in (
+        (lambda t: wave[0] * np.cos(np.outer(t, wave[1]) + wave[2]).sum(axis=1), 1.0e-5),
+        (lambda t: 40 * np.sin(2 * np.pi * (20 * t + 30 / 8 * t**2)), 1.5e-5),
+    ):
+        middles = np.arange(t.size * fine) / (750 * fine) + 0.5 / (750 * fine)
+        steps = integrate(rates, np.zeros((3, 1)), middles, force(middles)[None], steps=1)
+        truth = steps[0, 0, ::fine]
+        error = extended.simulate(t, force(t), np.zeros(3)).y[:, 0] - truth
+        assert np.sqrt(np.mean(error**2)) < most

@@ -74,8 +74,8 @@ def main():
 def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options):
     """Diagnose a model on records.
 
-    Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml, and a
-    model file with each rival of an ambiguous cause.
+    Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml (of a
+    robot a copy of its URDF or MJCF file), and a model file with each rival of an ambiguous cause.
 
     A file is one record: CSV, MAT, Parquet or Excel, with the time t [s], the inputs and the
     measured outputs under the names that the model file gives them. The exit code is 0 with any

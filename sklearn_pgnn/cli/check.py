@@ -5,43 +5,33 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import click
+import pandas as pd
 
 from sklearn_pgnn.cli.records import open_model
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
+from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.physics.channel_kinds import in_words
+from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
 from sklearn_pgnn.trajectories.several_files import read_each
 
 
 class Checked(NamedTuple):
-    """Result of a check: a first look, unused columns, and converted units."""
+    """Result of a check: a first look, unused columns, converted units, missing efforts."""
 
     look: FirstLook
     unused: list[str]
     converted: dict[str, tuple[str, str]]
+    missing: pd.DataFrame | None = None
 
 
 def check_model(model, data, sample_time=None) -> Checked:
-    """Check a model file against files of records.
-
-    Parameters
-    ----------
-    model : str or path-like
-        The model file.
-    data : sequence of str or path-like
-        The files of records.
-    sample_time : float, optional
-        Sample interval [s] of files without a time.
-
-    Returns
-    -------
-    Checked
-        The content of the files, and a first simulation.
-    """
+    """Check a model file against files of records."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
         warnings.simplefilter("once", ModelWarning)
@@ -57,15 +47,19 @@ def check_model(model, data, sample_time=None) -> Checked:
         unused = dict.fromkeys(name for table in tables for name in table.unused())
         converted = {name: units for table in tables for name, units in table.converted().items()}
         look = first_look(read, X, y)
+        missing = missing_efforts(read, X, y) if has_several_joints(read) else None
     said = dict.fromkeys(str(warning.message) for warning in told)
-    return Checked(replace(look, warnings=(*said, *look.warnings)), list(unused), converted)
+    look = replace(look, warnings=(*said, *look.warnings))
+    return Checked(look, list(unused), converted, missing)
 
 
 def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     """Print the result of a check."""
     look = checked.look
     if as_json:
-        more = {"unused_columns": checked.unused, "converted": checked.converted}
+        more: dict = {"unused_columns": checked.unused, "converted": checked.converted}
+        if checked.missing is not None:
+            more["missing_efforts"] = checked.missing.to_dict("index")
         click.echo(as_strict_json({**look.to_dict(), **more}), nl=False)
         return
     console = screen()
@@ -75,6 +69,8 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
         _print_records(console, look)
         _print_quantities(console, checked)
     _print_fit(console, look)
+    if checked.missing is not None:
+        _print_missing(console, checked.missing)
 
 
 def _summary(look: FirstLook) -> str:
@@ -111,8 +107,19 @@ def _print_quantities(console, checked) -> None:
     print_table(console, rows)
     for name, (given, wanted) in checked.converted.items():
         say(console, f"Converted: {name} from {given} to {wanted}.")
+    say(console, f"Assumed of the channels: {in_words(checked.look.model)}.")
     if checked.unused:
         say(console, f"Not used: {', '.join(checked.unused)}.")
+
+
+def _print_missing(console, missing: pd.DataFrame) -> None:
+    """Print what is missing at each port, and what explains it best."""
+    heading(console, "Missing at the joints, by torque minus inverse dynamics")
+    rows = table("", "missing (rms)", "", "explained by sign of the velocity", "by all laws")
+    for name, row in missing.iterrows():
+        shares = (f"{100 * row[law]:.0f} %" for law in ("sign(flow)", "all"))
+        rows.add_row(cell(str(name)), number(row["missing"]), cell(row["unit"]), *shares)
+    print_table(console, rows)
 
 
 def _print_fit(console, look) -> None:

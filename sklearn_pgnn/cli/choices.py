@@ -86,26 +86,12 @@ def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | Non
 
 
 def check_candidates(model: PhysicsModel, effects, targets) -> None:
-    """Refuse a choice of effects and targets that leaves no candidate.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    effects : sequence of type[Effect]
-        The chosen effects.
-    targets : list of str or None
-        The chosen targets.
-
-    Raises
-    ------
-    OptionError
-        If none of the effects can act on any of the targets.
-    """
+    """Refuse a choice of effects and targets that leaves no candidate."""
     if not is_possible(model, effects, targets):
         ids = ", ".join(effect.id for effect in effects)
         on = f"on {', '.join(targets)} " if targets else ""
         raise OptionError(
             f"--catalogue, --exclude, --targets: expected at least one candidate to remain, but "
-            f"{ids} cannot act {on}in the model {model.name!r}."
+            f"{ids} cannot act {on}in the model {model.name!r}"
+            f"{', by what its channels are' if model.channels else ''}."
         )

@@ -88,25 +88,12 @@ class FitJob:
         for i, name in enumerate(self.prior.outputs):
             rows.add_row(cell(name), *(fit_text(fit[i], 1) for fit in self.fits.values()))
         print_table(console, rows)
-        for name in self._at_bounds():
-            low, high = self.prior.parameters[name].bounds
-            console.print(
-                f"{one_line(name)} ended at a bound ({low:g} to {high:g}): the records want a "
-                f"value beyond it. Remedy: widen the bounds, if the machine may be so; else the "
-                f"model lacks something (diagnose)."
-            )
         if quiet:
             return
         heading(console, "Parameters (95 % interval)")
         print_table(console, self._parameters())
         heading(console, "Written")
         console.print(f"  {one_line(output)}  (the fitted model; a model file again)")
-
-    def _at_bounds(self) -> list[str]:
-        """Return the parameters that ended at a bound other than 0."""
-        ends = {n: self.prior.parameters[n].bounds for n in self.regressor.parameters_}
-        values = {n: found.value for n, found in self.regressor.parameters_.items()}
-        return [n for n in ends if np.isclose(values[n], [e for e in ends[n] if e], 1e-6, 0).any()]
 
     def _parameters(self):
         rows = table("", "as given", "fitted", "change")

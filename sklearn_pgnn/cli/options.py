@@ -102,8 +102,8 @@ _TARGETS = click.option(
     multiple=True,
     metavar="NAMES",
     help=(
-        "Consider only these states, inputs, outputs and parameters of the model, separated by "
-        "commas; by default all."
+        "Consider only these states, ports, inputs, outputs and parameters of the model, separated "
+        "by commas; by default all."
     ),
 )
 _SEED = click.option(

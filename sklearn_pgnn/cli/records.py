@@ -12,9 +12,12 @@ import pandas as pd
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
-from sklearn_pgnn.priors import from_fmu
+from sklearn_pgnn.priors import from_fmu, from_mjcf, from_urdf
 from sklearn_pgnn.trajectories.files import open_file, read_files
 from sklearn_pgnn.trajectories.several_files import read_each
+
+#: how files are read that are no model files, by their ending
+READERS = {".fmu": from_fmu, ".urdf": from_urdf, ".xml": from_mjcf, ".mjcf": from_mjcf}
 
 
 def read_model_and_records(
@@ -33,8 +36,8 @@ def read_model(path: str | PathLike) -> PhysicsModel:
 
 
 def open_model(path: str | PathLike) -> PhysicsModel:
-    """Return the model of a model file, or that of a functional mock-up unit."""
-    return from_fmu(path) if Path(path).suffix == ".fmu" else PhysicsModel.from_yaml(path)
+    """Return the model of a model file, of a functional mock-up unit, or of a robot."""
+    return READERS.get(Path(path).suffix.lower(), PhysicsModel.from_yaml)(path)
 
 
 def read_inputs(

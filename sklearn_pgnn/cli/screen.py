@@ -115,7 +115,8 @@ def _print_cause(console, place: int, cause, diagnosis) -> None:
         rows.add_row(name.replace("_", " "), cell(measured(e.value, e.low, e.high, e.unit)))
     rows.add_row("gain", f"error on held-out windows {worth}")
     if cause.probability < SURE:
-        rows.add_row("probability", chance(cause.probability))
+        none = f" (none of the catalogue: {chance(cause.outside)})" if cause.tested else ""
+        rows.add_row("probability", f"{chance(cause.probability)}{none}")
     rows.add_row("confused with", cell(rivals_or_none(cause, diagnosis.complete_)))
     for found in diagnosis.separations_:
         if found.cause == (cause.effect, cause.target):

@@ -7,8 +7,11 @@ import click
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.output import write_file
 from sklearn_pgnn.cli.systems import make_system
+from sklearn_pgnn.physics.channel_kinds import COMMANDED, usual_kind
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import write_model
+from sklearn_pgnn.physics.places import column
 from sklearn_pgnn.trajectories.files import open_file
 
 HEAD = """\
@@ -35,6 +38,9 @@ COMMENTS = {
 OPTIONAL = {
     "initial_state": "where a record without initial states starts; zero by default",
     "columns": "column name of a quantity in the files, where it differs from its name",
+    "ports": "names for places: the effort that acts there, and its velocity, level or temperature",
+    "channels": "commanded or measured, or the sensor: encoder, tachometer, thermocouple, ...; a "
+    "diagnosis leaves out faults that it cannot have",
     "delays": "for an input that acts late, the parameter of its delay: uncomment that above, too",
     "simulation": "hold: zoh or foh (inputs held, or linearly interpolated); substeps; method",
 }
@@ -80,7 +86,7 @@ def commented(
     lines += ["", "# Optional parts: uncomment those you need."]
     examples = _examples(model, columns)
     for part, what in OPTIONAL.items():
-        if part not in model.to_dict():
+        if part not in model.to_dict() and examples[part]:
             lines += [f"# {part}: {examples[part]}  # {what}"]
     return "\n".join(lines) + "\n"
 
@@ -92,9 +98,27 @@ def _examples(model: PhysicsModel, columns: Mapping[str, str] | None) -> dict[st
     return {
         "initial_state": f"{{{state}: 0.5}}",
         "columns": f"{{{', '.join(f'{name}: {near}' for name, near in columns.items())}}}",
+        "ports": _port(model),
+        "channels": _channels(model),
         "delays": f"{{{driven}: {_delay(model)}}}",
         "simulation": "{hold: foh, substeps: 4}",
     }
+
+
+def _port(model: PhysicsModel) -> str:
+    """Return an example of a port: the first input that enters a rate linearly, and its state."""
+    for name in model.inputs:
+        for state, slope in column(model, name).items():
+            if symbol(name) not in slope.free_symbols:
+                return f"{{drive: {{effort: {name}, flow: {state}}}}}"
+    return ""
+
+
+def _channels(model: PhysicsModel) -> str:
+    """Return what the channels usually are, as far as names and units tell; else an example."""
+    told = {name: usual_kind(model, name) for name in (*model.inputs, *model.outputs)}
+    said = [f"{name}: {kind}" for name, kind in told.items() if kind]
+    return f"{{{', '.join(said) or f'{next(iter(told))}: {COMMANDED}'}}}"
 
 
 def _delay(model: PhysicsModel) -> str:

@@ -102,7 +102,7 @@ def resting_input(model):
     plant, n = Plant(model), len(model.inputs)
     x = np.tile(np.array(list(model.initial_state.values()))[:, None], n + 1)
     u = np.hstack([np.zeros((n, 1)), np.eye(n)])
-    rates = plant.rates(0.0, x, list(u), np.sign(x[plant.dry]))
+    rates = plant.rates(0.0, x, list(u), plant.sides(x))
     return -np.linalg.pinv(rates[:, 1:] - rates[:, :1]) @ rates[:, 0]
 
 
@@ -134,14 +134,14 @@ def settled(plant, known, x, u):
         at = []
         for value in (0.0, 1.0):
             x[:, i] = value
-            at.append(rates.rates(0.0, x.T, u, np.sign(x.T[rates.dry]))[i])
+            at.append(rates.rates(0.0, x.T, u, rates.sides(x.T))[i])
         slope = at[1] - at[0]
         x[:, i] = np.where(slope != 0, -at[0] / np.where(slope != 0, slope, 1.0), 0.0)
         for acting in u:  # a bounded rate is affine only near the input that it follows
-            rest = rates.rates(0.0, x.T, u, np.sign(x.T[rates.dry]))[i]
+            rest = rates.rates(0.0, x.T, u, rates.sides(x.T))[i]
             there = x.copy()
             there[:, i] = acting
-            other = rates.rates(0.0, there.T, u, np.sign(there.T[rates.dry]))[i]
+            other = rates.rates(0.0, there.T, u, rates.sides(there.T))[i]
             x[:, i] = np.where(np.abs(other) < np.abs(rest), acting, x[:, i])
     return x
 

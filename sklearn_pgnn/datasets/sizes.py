@@ -7,10 +7,13 @@ spread over its typical rate.
 """
 
 import numpy as np
+import sympy
 
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.datasets.rig import settled
 from sklearn_pgnn.physics.effect import Scales
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.places import signals_at_ports
 from sklearn_pgnn.physics.typical import typical_value
 
 #: length of a window in the slowest state's time of change, its largest fraction of a record, and
@@ -27,6 +30,11 @@ EITHER_SIGN = frozenset({"constant_load", "input_bias", "sensor_bias", "sensor_g
 def _below_peak(size: float, scale) -> float:
     """Return a limit that clips more of a signal's peaks for a larger effect."""
     return scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
+
+
+def _soft(size: float, scale) -> float:
+    """Return the stiffness of a joint that gives more for a larger effect."""
+    return 2.0 * scale["force"] / scale["position"] / size
 
 
 #: parameters that are not in proportion to the size: value from size and the signals' scales
@@ -47,6 +55,16 @@ SHAPES = {
     ("periodic_disturbance", "frequency"): lambda size, scale: 2.3 / scale["s"],
     ("hysteresis", "deflection"): lambda size, scale: 0.1 * scale["position"],
     ("hysteresis", "shape"): lambda size, scale: 0.5,
+    ("hysteretic_spring", "loss"): lambda size, scale: 0.7 / scale["position"],
+    ("hysteretic_spring", "bend"): lambda size, scale: -0.4 / scale["position"],
+    ("elastic_joint", "share"): lambda size, scale: 0.3,
+    ("elastic_joint", "stiffness"): _soft,
+    ("elastic_joint", "damping"): lambda size, scale: 0.05 * scale["force"] / scale["velocity"],
+    ("joint_play", "share"): lambda size, scale: 0.3,
+    ("joint_play", "stiffness"): _soft,
+    ("joint_play", "damping"): lambda size, scale: 0.05 * scale["force"] / scale["velocity"],
+    ("joint_play", "width"): lambda size, scale: 0.3 * size * scale["position"],
+    ("spring_play", "width"): lambda size, scale: 2.0 * size * scale["position"],
     ("end_stop", "upper"): lambda size, scale: scale["position"] * (2.0 - 1.5 * size),
     ("end_stop", "lower"): lambda size, scale: -scale["position"] * (2.0 - 1.5 * size),
     ("end_stop", "stiffness"): lambda size, scale: 20.0 * scale["force"] / scale["position"],
@@ -62,12 +80,36 @@ SHAPES = {
     ("sensor_delay", "delay"): lambda size, scale: 0.3 * size * scale["s"],
     ("load_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
     ("load_friction", "share"): lambda size, scale: 0.6 * size,
+    ("gear_loss", "level"): lambda size, scale: 0.3 * size * scale["force"],
+    ("gear_loss", "share"): lambda size, scale: 0.2 * size,
+    ("gear_loss", "backward"): lambda size, scale: 0.8 * size,
+    ("load_stribeck_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
+    ("load_stribeck_friction", "share"): lambda size, scale: 0.3 * size,
+    ("load_stribeck_friction", "peak"): lambda size, scale: 1.0,
+    ("load_stribeck_friction", "velocity"): lambda size, scale: 0.1 * scale["velocity"],
+    ("input_fading", "fading"): lambda size, scale: 0.9 * size * scale["per_signal"],
     ("asymmetric_dead_zone", "above"): lambda size, scale: 0.6 * size * scale["peak"],
     ("asymmetric_dead_zone", "below"): lambda size, scale: 0.2 * size * scale["peak"],
     ("leak_to_level", "level"): lambda size, scale: 0.5 * scale["peak"],
     ("parameter_slope", "slope"): lambda size, scale: 0.9 * size * scale["per_signal"],
     ("parameter_saturation", "bend"): lambda size, scale: 3.0 * size * scale["per_signal"],
     ("parameter_drift", "rate"): lambda size, scale: 2.0 * size / scale["duration"],
+    ("second_store", "time_constant"): lambda size, scale: 0.3 * scale["s"],
+    ("store_between", "time_constant"): lambda size, scale: 0.5 * size * scale["s"],
+    ("store_between", "ratio"): lambda size, scale: 2.0,
+    ("maxwell_branch", "time_constant"): lambda size, scale: 0.1 * scale["s"],
+    ("relaxation_branch", "time_constant"): lambda size, scale: 0.2 * scale["s"],
+    ("two_relaxation_branches", "time_constant"): lambda size, scale: 0.05 * scale["s"],
+    ("two_relaxation_branches", "ratio"): lambda size, scale: 8.0,
+    ("sensor_lag", "time_constant"): lambda size, scale: 0.3 * size * scale["s"],
+    ("power_loss", "power"): lambda size, scale: 0.5,
+    ("radiation_loss", "coefficient"): lambda size, scale: size / (4 * 300.0**3 * scale["s"]),
+    ("input_power", "power"): lambda size, scale: -0.8 * size,
+    ("input_power", "reference"): lambda size, scale: 0.5 * scale["peak"],
+    ("input_curve", "below"): lambda size, scale: -0.9 * size,
+    ("input_curve", "above"): lambda size, scale: -0.9 * size,
+    ("input_curve", "first"): lambda size, scale: 0.25 * scale["peak"],
+    ("input_curve", "second"): lambda size, scale: 0.65 * scale["peak"],
 }
 
 #: quantities that span a signal to both its sides, as multiples of what is typical of one
@@ -96,12 +138,15 @@ def measure_scales(model, t, u, x, y) -> Scales:
         for names, values in ((model.outputs, y), (model.states, x), (model.inputs, u))
         for i, name in enumerate(names)
     }
+    at_ports = {name: _signal(model, each, x) for name, each in signals_at_ports(model).items()}
+    signals |= at_ports
     rates = np.gradient(x, t, axis=1)
     changes = np.std(x, axis=(0, 1)) / np.maximum(_rms(rates), np.finfo(float).tiny)
     return Scales(
         typical={name: float(np.std(signal)) for name, signal in signals.items()},
         peak={name: float(np.abs(signal).max()) for name, signal in signals.items()},
-        rate=dict(zip(model.states, _rms(rates).tolist(), strict=True)),
+        rate=dict(zip(model.states, _rms(rates).tolist(), strict=True))
+        | {name: float(_rms(np.gradient(s, t, axis=1))) for name, s in at_ports.items()},
         sample_time=float(np.median(np.diff(t))),
         window=float(min(CHANGES * changes.max(), SHARE * (t[-1] - t[0]))),
         duration=float(t[-1] - t[0]),
@@ -201,6 +246,13 @@ def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int 
         middle = np.sqrt(low * high)
         low, high = (low, middle) if does(middle) > wanted else (middle, high)
     return effect(high), True
+
+
+def _signal(model, expression, x):
+    """Return an expression of states and parameters in a set of records."""
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    function = sympy.lambdify(list(map(symbol, model.states)), expression.xreplace(values))
+    return function(*np.moveaxis(x, -1, 0))
 
 
 def _rms(signals):

@@ -15,8 +15,9 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
+from sklearn_pgnn.estimation.likely_places import likely_places
 from sklearn_pgnn.estimation.same_in_equations import same_causes
-from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.physics.places import places_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
@@ -100,9 +101,10 @@ class FormulaSelection:
 def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
     """Return the formula with the most evidence net of the price of its terms, if it is named."""
     problem, progress, found = search.fitter.problem, search.fitter.progress, []
-    places = channels(problem.prior)
-    progress.begin("formula", len(places))
-    for channel in places:
+    places = places_of(problem.prior)
+    likely = likely_places(problem, ground, places)
+    progress.begin("formula", len(likely))
+    for channel in likely:
         with search.fitter.failures.tolerate((ground.hypothesis, channel), "formula", channel):
             found += propose(problem, ground, channel, progress.tick)
         progress.step()
@@ -129,7 +131,7 @@ def _has_names(search: Search, proposal: Proposal) -> bool:
 
 def _is_named(search: Search, ground: FittedHypothesis, proposal: Proposal) -> bool:
     """Return whether a formula's terms meet the rule, with the whole library as candidates."""
-    criterion = _with_library(search, len(channels(search.fitter.problem.prior)))
+    criterion = _with_library(search, len(places_of(search.fitter.problem.prior)))
     compare = Comparison(search.fitter, criterion)
     return compare.names(ground, proposal.trial, len(proposal.effect.terms))
 

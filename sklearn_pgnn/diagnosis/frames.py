@@ -17,8 +17,9 @@ def causes_frame(diagnosis) -> pd.DataFrame:
     -------
     DataFrame
         Rank of the cause, its effect and target, a parameter with its value, 95 % interval and
-        unit, the reduction of the error by the cause [%], its probability (NaN where it was
-        not tested against the rest), and the candidates it is confused with.
+        unit, the reduction of the error by the cause [%], its probability and that of none of the
+        catalogue (NaN where it was not tested against the rest), and the candidates it is confused
+        with.
 
     Examples
     --------
@@ -36,6 +37,7 @@ def causes_frame(diagnosis) -> pd.DataFrame:
         worth = {
             "gain_percent": cause.gain,
             "probability": cause.probability,
+            "outside_catalogue": cause.outside,
             "tested": cause.tested,
             "confused_with": ", ".join(f"{r.effect} of {r.target}" for r in cause.confused_with),
         }
@@ -45,7 +47,7 @@ def causes_frame(diagnosis) -> pd.DataFrame:
 
 _ABOUT = ("cause", "effect", "target")
 _SIZE = ("parameter", "value", "low", "high", "unit")
-_WORTH = ("gain_percent", "probability", "tested", "confused_with")
+_WORTH = ("gain_percent", "probability", "outside_catalogue", "tested", "confused_with")
 
 
 def _sizes(cause) -> list[dict]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,12 @@ from sklearn_pgnn.estimation.problem import (
     with_substeps,
 )
 from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimation.record_differences import find_group, mark, n_groups
 from sklearn_pgnn.estimation.stretches import is_long, on_stretches
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.wiring import Rewired, find_wiring
@@ -128,6 +128,9 @@ class Investigation:
     search: Search | None = None
     whole: EstimationProblem | None = None
     wiring: Rewired | None = None
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    n_compared: int = 0
+    compares_records: bool = True
 
     def run(self, hold: str, is_told: bool) -> Findings:
         """Search with one hold of the inputs, and with the other if the records support it."""
@@ -138,6 +141,9 @@ class Investigation:
         if not is_told and self.progress.ended is None:
             with self.progress.kept():
                 self.searched = self._try_slopes(self.searched)
+        if self.compares_records and self.progress.ended is None:
+            with self.progress.kept():
+                self._try_differences(self.searched)
         with self.progress.kept():
             self.found = self._judge_on_all(self.searched)
         if self.found is not None and self.progress.ended is None:
@@ -249,13 +255,14 @@ class Investigation:
     def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
         """Search the catalogue, and search a formula for what it does not explain."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
-        criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
+        count = max(len(self.candidates), self.n_compared)
+        criterion = SelectionCriterion(self.alpha, self.smallest_share, count)
         asked = _Structures(fitter, criterion)
         self.progress.begin("candidates")
         formulas = FormulaSelection()
         self.search = search = Search(
             fitter,
-            _distinct(self.candidates, fitter.problem.scales),
+            _distinct(self.candidates, fitter.problem),
             criterion,
             self.max_causes,
             asked.has_structure,
@@ -336,6 +343,35 @@ class Investigation:
             structure = asked.of(result.final) if may_depend else None
         return replace(found, search=search, result=result, structure=structure)
 
+    def _try_differences(self, found: Findings) -> None:
+        """Search again with what may differ between records, where that explains what is left.
+
+        The other candidates are tried anew beside it: what was named may have stood for it.
+        """
+        fitter, share = found.search.fitter, found.search.criterion.smallest_share
+        if not found.search.compare.leaves_what_may_depend(found.result.final):
+            return
+        self.progress.begin("differences between records")
+        fits = (found.result.final.fit, found.result.base.fit)
+        groups = [group for fit in fits if (group := find_group(fitter.problem, fit))]
+        if not groups or groups[0].share < share:
+            return
+        for group in {group[:2]: group for group in groups}.values():
+            marked = mark(self.model, self.records, group)
+            wider = replace(
+                self,
+                model=marked.model,
+                records=marked.records,
+                candidates=(*marked.candidates, *self.candidates),
+                n_compared=self.n_compared + len(marked.candidates) * n_groups(fitter.problem),
+            )
+            again = wider._search(wider._fitter(fitter.problem.windows.hold))
+            causes = again.result.final.hypothesis.causes
+            if again.result.complete and set(marked.candidates) & set(causes):
+                vars(self).update(vars(wider), searched=again)
+                self.groups[marked.column] = tuple(self.records[r].name for r in group.records)
+                return self._try_differences(again)
+
     def _try_slopes(self, held: Findings) -> Findings:
         """Continue with inputs interpolated between samples if the records refute that less."""
         fitter, final = held.search.fitter, held.result.final
@@ -361,13 +397,14 @@ def _provisional(found: Findings) -> Findings:
     return replace(found, result=replace(found.result, complete=False))
 
 
-def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:
-    """Drop the candidates that equal one of their special cases on these records."""
-    all_named = {(cause.id, cause.target) for cause in candidates}
+def _distinct(candidates: tuple[Effect, ...], problem: EstimationProblem) -> tuple[Effect, ...]:
+    """Drop the candidates that these records do not show, or that equal their special cases."""
+    all_named, scales = {(cause.id, cause.target) for cause in candidates}, problem.scales
 
     def is_needed(cause: Effect) -> bool:
         special = {(case, cause.target) for case in cause.generalises}
-        return cause.is_distinct(scales) or not special & all_named
+        is_distinct = cause.is_distinct(scales) or not special & all_named
+        return is_distinct and cause.is_shown(problem.prior, scales)
 
     return tuple(cause for cause in candidates if is_needed(cause))
 

@@ -17,6 +17,7 @@ from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
+from sklearn_pgnn.diagnosis.marks import marked_records, split_marks
 from sklearn_pgnn.diagnosis.noise_units import error_together
 from sklearn_pgnn.diagnosis.options import (
     check_detectability,
@@ -103,7 +104,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     catalogue : sequence of type[Effect] or str, optional
         Effects to consider, or their ids; by default `sklearn_pgnn.effects.CATALOGUE`.
     targets : sequence of str, optional
-        States, inputs, outputs and parameters that may be targets; by default all.
+        Ports, states, inputs, outputs and parameters that may be targets; by default all.
     max_causes : int, default=4
         Largest number of causes named.
     window_length : float, optional
@@ -142,6 +143,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         a minute, for what follows: whether what it has found until then is named beside the other
         causes, errors and intervals. It stops at the next step of a fit, what it holds is
         provisional, and fits that the result needs end after two steps where all the time is up.
+    compare_records : bool, default=True
+        Whether what differs between records, or since some time, may be a cause. The extended model
+        then has a further input, see `groups_`.
     verbose : int, default=0
         Whether to show the stage and the best so far: in a terminal by a bar, elsewhere, as in a
         notebook or a file, by a line at every stage and every few seconds.
@@ -205,6 +209,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     tested_ : bool
         Whether every cause was tested against the rest of the catalogue; otherwise, after an early
         end, the causes are provisional and have no probabilities.
+    groups_ : dict of str to tuple of str
+        The records of every column, an input, that the extended model has beyond the prior: it is
+        one in these records, which differ from the others, and zero in all others.
     records_ : DiagnosisRecords
         The records and the fits of the models, for plots.
     n_features_in_ : int
@@ -249,6 +256,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         random_state: RandomState = 0,
         progress: Callable[[str, int, int], None] | None = None,
         time_limit: float | None = None,
+        compare_records: bool = True,
         verbose: int = 0,
     ):
         self.model = model
@@ -266,6 +274,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.progress = progress
         self.time_limit = time_limit
+        self.compare_records = compare_records
         self.verbose = verbose
 
     def __sklearn_is_fitted__(self):
@@ -383,6 +392,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "threads": local_threads(self.n_jobs),
                 "n_processes": other_processes(self.n_jobs),
             },
+            compares_records=self.compare_records,
         )
 
     def _rescue(self, investigation: Investigation, error: BaseException) -> None:
@@ -398,14 +408,14 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         progress = investigation.progress
         progress.counts = False
         progress.begin("held-out error")
-        names = [record.name for record in investigation.records]
         for found in investigation.from_the_best():
             with progress.kept():
-                return self._keep(found, names, progress)
+                return self._keep(found, investigation, progress)
         raise progress.failed or LookupError("nothing was found")
 
-    def _keep(self, found: Findings, names: list[str], progress: Progress) -> None:
+    def _keep(self, found: Findings, investigation: Investigation, progress: Progress) -> None:
         """Set the fitted attributes from what was found; the verdict is set last."""
+        names = [record.name for record in investigation.records]
         fitter, result = found.search.fitter, found.result
         problem, final = fitter.problem, result.final
         errors = parameter_errors(problem, final)
@@ -424,6 +434,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         tried = [Tried(c.id, c.target, *share) for c, share in result.alone.items()]
         self.candidates_ = tuple(sorted(tried, key=lambda candidate: candidate.left))
         self._keep_runs(found, names, part)
+        self.groups_ = dict(investigation.groups)
         self.data_quality_: tuple[Finding, ...] = found.of_wiring
         self.separations_: tuple[Separation, ...] = ()
         self.unusable_, self.complete_ = fitter.unusable, result.complete
@@ -508,19 +519,28 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
-            Time [s], inputs and initial states.
+            Time [s], inputs and initial states; where records were found to differ, a DataFrame
+            may also have the columns of `groups_`.
 
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
             Simulated outputs. If a simulation becomes non-finite, all rows of that trajectory get
             the values of its first row, and a `SimulationWarning` is issued.
+
+        Warns
+        -----
+        RecordWarning
+            If X does not say whether its trajectories belong to a group of `groups_`: they are
+            taken not to.
         """
         check_is_fitted(self)
+        X, marks = split_marks(X, self.groups_)
         records = read_records(
             self.model, validate_table(self, X, reset=False), time_column=self.time_column
         )
         refuse_standardised(self.model, records)
+        records = marked_records(records, marks)
         names = list(self.extended_model_.outputs)
         outputs = simulate_quantities(self.extended_model_, records, names)
         return outputs.ravel() if self._single_output else outputs

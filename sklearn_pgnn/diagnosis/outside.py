@@ -7,9 +7,10 @@ and what is left of the squares beyond the noise, :math:`L`, it is credited with
 .. math:: P(\text{outside}) \ge \frac{L}{E + L}.
 
 A sensor that bends, or a parameter that drifts, is a description that suits many laws of the plant.
-Where a law of the plant without a name explains as much, the two are equally likely:
-:math:`P(\text{outside}) \ge 1/2`. A law that is learned from the other records misses up to half of
-what it would explain if it were known (dry friction, a dead zone), so half counts as much.
+Where an effect of the plant does as well, it comes first. Where a law of the plant without a name
+explains as much, the two are equally likely: :math:`P(\text{outside}) \ge 1/2`. A law learned from
+the other records misses up to half of what it would explain if it were known (dry friction, a dead
+zone), so half counts as much.
 """
 
 from collections.abc import Iterable
@@ -23,7 +24,7 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.physics.places import places_of
 
 #: probability from which on something without a name is a rival
 OPEN = 0.5
@@ -47,9 +48,9 @@ def probability_outside(
         return 0.0
     removed = float((squares[0] - squares[1]).sum())
     doubt = _left(squares[1], fitter.white_squares(final), removed)
-    prior, model = fitter.problem.prior, without.fit.model
-    places = other_places(prior, model, cause)
-    if removed > 0.0 and all(other_places(prior, model, rival) for rival in rivals):
+    prior = fitter.problem.prior
+    places = other_places(prior, cause)
+    if removed > 0.0 and all(is_stand_in(prior, each) for each in (cause, *rivals)):
         explained = share_of_laws(fitter.problem, without, places, fitter.progress.tick)
         alike = explained * float(squares[0].sum()) >= LEARNED * removed
         doubt = max(doubt, OPEN if alike else 0.0)
@@ -62,23 +63,36 @@ def _left(squares: np.ndarray, white: np.ndarray, removed: float) -> float:
     return beyond / (beyond + max(removed, 0.0)) if beyond > 0.0 else 0.0
 
 
-def other_places(prior: PhysicsModel, model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
+def other_places(prior: PhysicsModel, cause: Effect) -> tuple[str, ...]:
     """Return the places of the plant where a law may act in the place of a sensor or of time.
 
-    There is none for a cause that changes the rates as a function of states and inputs.
+    There is none for a cause that changes the rates as a function of states and inputs, nor for one
+    between an input and an output, as a branch of a cell is.
 
     Examples
     --------
     >>> from sklearn_pgnn import effects, systems
     >>> cart = systems.cart_on_spring()
-    >>> other_places(cart, cart, effects.SensorCurvature("position"))
+    >>> other_places(cart, effects.SensorCurvature("position"))
     ('v',)
-    >>> other_places(cart, cart, effects.CoulombFriction("v"))
+    >>> other_places(cart, effects.CoulombFriction("v"))
     ()
     """
-    extended = model + cause
-    changed = [name for name, rate in model.equations.items() if rate != extended.equations[name]]
+    plant = {*prior.states, *prior.ports, *prior.inputs} if is_stand_in(prior, cause) else ()
+    return tuple(name for name in places_of(prior) if name in plant)
+
+
+def is_stand_in(prior: PhysicsModel, cause: Effect) -> bool:
+    """Return whether a cause of a sensor or of time may stand in for a law of the plant.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import effects, systems
+    >>> cart = systems.cart_on_spring()
+    >>> [is_stand_in(cart, e) for e in (effects.SensorBias("position"), effects.InputBias("force"))]
+    [True, False]
+    """
+    extended = prior + cause
+    changed = [name for name, rate in prior.equations.items() if rate != extended.equations[name]]
     is_timed = any(TIME in extended.equations[name].free_symbols for name in changed)
-    is_sensor = not changed and model.outputs != extended.outputs
-    plant = {*prior.states, *prior.inputs} if is_sensor or is_timed else ()
-    return tuple(name for name in channels(prior) if name in plant)
+    return is_timed or (not changed and cause.target in prior.outputs)

@@ -3,26 +3,17 @@
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.plain_data import finite, plain
 from sklearn_pgnn.experiment_design.separation import plain_separation
+from sklearn_pgnn.physics.effects import find_effect
 
 
 def plain_diagnosis(diagnosis) -> dict:
-    """Return a diagnosis as plain data; non-finite numbers are None.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    dict
-        See `sklearn_pgnn.ModelDiagnosis.to_dict`.
-    """
+    """Return a diagnosis as plain data; non-finite numbers are None."""
     unexplained = diagnosis.discrepancy_
     found = {
         "verdict": diagnosis.verdict_,
         "data_quality": [plain(finding) for finding in diagnosis.data_quality_],
         "causes": [_plain_cause(cause) for cause in diagnosis.causes_],
+        "groups": {column: list(names) for column, names in diagnosis.groups_.items()},
         "separations": [plain_separation(found) for found in diagnosis.separations_],
         "parameters": {name: plain(p) for name, p in diagnosis.parameters_.items()},
         "gain": {name: plain(gain) for name, gain in diagnosis.gain_.items()},
@@ -46,6 +37,7 @@ def _plain_cause(cause: NamedCause) -> dict:
     return {
         "effect": cause.effect,
         "target": cause.target,
+        "name": find_effect(cause.effect).title(cause.target),
         "parameters": {name: plain(found) for name, found in cause.parameters.items()},
         "gain_percent": cause.gain,
         "probability": cause.probability,

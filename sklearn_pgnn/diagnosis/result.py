@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -100,8 +101,9 @@ class NamedCause:
         Whether the cause was tested against the rest of the catalogue; otherwise, after a search
         that did not finish, it is provisional.
     outside : float
-        Least probability that what acts in its place is in no catalogue: much is left beside it, or
-        a law without a name explains as much.
+        Probability that it is none of the catalogue; with those of the cause and of its rivals it
+        sums to 1. Much that is left beside it, or a law without a name that explains as much,
+        raises it.
 
     Examples
     --------
@@ -216,46 +218,43 @@ class Gain:
 
 def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most important first."""
-    fitter = search.fitter
-    causes, before = [], result.base
-    for step in result.steps:
-        cause = step.hypothesis.causes[-1]
-        without, with_ = fitter.held_out(before), fitter.held_out(step)
-        rivals = result.rivals[cause]
-        outside = result.outside.get(cause, 0.0)
-        mine, *theirs = (
-            (1.0 - outside) * p for p in _probabilities(search, result, cause, (before, step))
-        )
-        causes.append(
-            NamedCause(
-                effect=cause.id,
-                target=cause.target,
-                parameters=_estimates(fitter, result.final, cause, errors),
-                gain=_gain_percent(without, with_),
-                confused_with=tuple(
-                    Rival(other.id, other.target, float(chance))
-                    for (other, _), chance in zip(rivals, theirs, strict=True)
-                ),
-                summary=worded_for(fitter.problem.prior, cause.target, cause.summary),
-                check=worded_for(fitter.problem.prior, cause.target, cause.check),
-                probability=float(mine),
-                tested=result.complete,
-                outside=outside,
-            )
-        )
-        before = step
-    return tuple(causes)
+    steps = pairwise((result.base, *result.steps))
+    return tuple(_named(search, result, pair, errors) for pair in steps)
+
+
+def _named(search: Search, result: SearchResult, steps, errors) -> NamedCause:
+    """Describe the cause that the second of two steps has, and the first has not."""
+    fitter, cause = search.fitter, steps[1].hypothesis.causes[-1]
+    mine, *theirs, outside = _probabilities(search, result, cause, steps)
+    summary, check = worded_for(fitter.problem.prior, cause)
+    others = zip(result.rivals[cause], theirs, strict=True)
+    return NamedCause(
+        effect=cause.id,
+        target=cause.target,
+        parameters=_estimates(fitter, result.final, cause, errors),
+        gain=_gain_percent(*map(fitter.held_out, steps)),
+        confused_with=tuple(Rival(other.id, other.target, p) for (other, _), p in others),
+        summary=cause.summarise(result.final.fit.model) or summary,
+        check=check,
+        probability=mine,
+        tested=result.complete,
+        outside=outside,
+    )
 
 
 def _probabilities(search: Search, result: SearchResult, cause, steps) -> list[float]:
-    """Return the probabilities of a cause and of each rival; NaN where they were not compared."""
+    """Return the probabilities of a cause, of each rival, and of none of the catalogue.
+
+    They sum to 1; they are NaN where nothing was compared.
+    """
     rivals = result.rivals[cause]
     if not result.complete:
-        return [math.nan] * (1 + len(rivals))
+        return [math.nan] * (2 + len(rivals))
     known = cause in result.evidence
     over_none = result.evidence[cause] if known else search.compare.evidence(*steps)
-    mine, *theirs, _ = search.criterion.probabilities([*(value for _, value in rivals), over_none])
-    return [mine, *theirs]
+    *named, none = search.criterion.probabilities([*(value for _, value in rivals), over_none])
+    outside = result.outside.get(cause, float(none))
+    return [*(np.array(named) / sum(named) * (1.0 - outside)).tolist(), outside]
 
 
 def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:

@@ -2,11 +2,14 @@
 
 from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder
+from sklearn_pgnn.diagnosis.outside import is_stand_in
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, count_parameters, resemble
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.wiring import ReversedTerm
+from sklearn_pgnn.physics.model import PhysicsModel
 
 #: hypotheses with another candidate in a cause's place, and how surely the cause is likelier
 InPlace = list[tuple[FittedHypothesis, float]]
@@ -18,11 +21,14 @@ def not_refuted(
     """Return the hypotheses that may replace the accepted one, by another candidate for a cause.
 
     A candidate with more parameters is no rival: the simpler of two is preferred. Nor is one that
-    the free run contradicts, being worse than that of the re-tuned prior or of the cause.
+    the free run contradicts, being worse than that of the re-tuned prior or of the cause; nor what
+    says the same of the sign of a term.
     """
     found = []
     for trial in ladder.in_place(final, cause):
         (other,) = own_causes(final, trial)
+        if _says_the_same(ladder.fitter.problem.prior, cause, other):
+            continue
         simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
         stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
         if simple and stands and not compare.refutes(final, trial):
@@ -30,18 +36,32 @@ def not_refuted(
     return found
 
 
-def likelier(final: FittedHypothesis, near: InPlace) -> list[FittedHypothesis]:
+def _says_the_same(model: PhysicsModel, cause: Effect, other: Effect) -> bool:
+    """Return whether one of two causes is the sign of a term, and the other its parameter's."""
+    pairs = ((cause, other), (other, cause))
+    return any(isinstance(a, ReversedTerm) and a.is_sign_of(model, b) for a, b in pairs)
+
+
+def likelier(
+    fitter: HypothesisFitter, final: FittedHypothesis, near: InPlace
+) -> list[FittedHypothesis]:
     """Return those that are likelier than the accepted hypothesis, the likeliest first.
 
-    Of two that held-out records do not tell apart, the one that fits all records better is.
+    Of two that held-out records do not tell apart, an effect of the plant comes before one of a
+    sensor or of time, and of two of a kind the one that fits all records better.
     """
-
-    def fits_better(trial: FittedHypothesis) -> bool:
-        is_simple = trial.hypothesis.complexity <= final.hypothesis.complexity
-        return is_simple and is_clearly_less(trial.fit.objective, final.fit.objective)
-
-    better = [(t, v) for t, v in near if v < 0.0 or (v == 0.0 and fits_better(t))]
+    better = [(t, v) for t, v in near if v < 0.0 or (v == 0.0 and _is_first(fitter, t, final))]
     return [trial for trial, _ in sorted(better, key=lambda one: (one[1], one[0].fit.objective))]
+
+
+def _is_first(fitter: HypothesisFitter, trial: FittedHypothesis, final: FittedHypothesis) -> bool:
+    """Return whether a hypothesis that the records do not separate from another comes first."""
+    (cause,), (other,) = own_causes(trial, final), own_causes(final, trial)
+    mine, its = (is_stand_in(fitter.problem.prior, each) for each in (cause, other))
+    if mine != its:
+        return mine
+    is_simple = trial.hypothesis.complexity <= final.hypothesis.complexity
+    return is_simple and is_clearly_less(trial.fit.objective, final.fit.objective)
 
 
 def find_rivals(

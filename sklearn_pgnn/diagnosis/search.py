@@ -279,7 +279,7 @@ class Search:
             beside[cause] = self._evidence_beside(final, cause)
             found = rivals[cause] + find_rivals(self.ladder, final, cause, others)
             rivals[cause] = self.criterion.probable(found, beside[cause])
-            outside[cause] = self._outside(final, cause, [rival for rival, _ in rivals[cause]])
+            outside[cause] = self._outside(final, cause, rivals[cause], beside[cause])
         alone = dict(self.ladder.alone)
         return SearchResult(base, steps, rivals, beside, outside, alone, complete)
 
@@ -293,7 +293,9 @@ class Search:
             final, search = self.current, (self.compare, self.ladder)
             causes = final.hypothesis.causes
             near = {cause: not_refuted(*search, final, cause) for cause in causes}
-            better = (trial for others in near.values() for trial in likelier(final, others))
+            better = (
+                trial for others in near.values() for trial in likelier(self.fitter, final, others)
+            )
             named = (self._named_in_place(final, trial, tried) for trial in better)
             exchanged = next((trial for trial in named if trial is not None), None)
             exchanged = exchanged or self._without_the_improbable(final, near)
@@ -342,12 +344,21 @@ class Search:
             return evidence
         return float(np.fmin(evidence, self.compare.evidence_disturbed(without, final)))
 
-    def _outside(self, final: FittedHypothesis, cause: Effect, rivals: list[Effect]) -> float:
-        """Return the least probability that what acts in a cause's place has no name."""
+    def _outside(
+        self,
+        final: FittedHypothesis,
+        cause: Effect,
+        rivals: list[tuple[Effect, float]],
+        over_none: float,
+    ) -> float:
+        """Return the probability that what acts in a cause's place is none of the catalogue."""
+        others, values = [rival for rival, _ in rivals], [value for _, value in rivals]
+        none = float(self.criterion.probabilities([*values, over_none])[-1])
         without = self._reduced(final, cause)
         if cause in self.given or not without.fit.usable:
-            return 0.0
-        return probability_outside(self.fitter, without, final, cause, rivals)
+            return none
+        least = probability_outside(self.fitter, without, final, cause, others)
+        return least + (1.0 - least) * none
 
     def _reduced(self, final: FittedHypothesis, cause: Effect) -> FittedHypothesis:
         """Return a hypothesis without one of its causes, fitted on all windows."""

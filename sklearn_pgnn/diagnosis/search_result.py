@@ -24,8 +24,8 @@ class SearchResult:
     evidence : dict
         For every cause, the evidence for it beside the others; empty where time ran out.
     outside : dict
-        For every cause, the least probability that what acts in its place is outside the
-        catalogue; empty where time ran out.
+        For every cause, the probability that what acts in its place is none of the catalogue;
+        empty where time ran out.
     alone : dict
         The share of the re-tuned prior's squares that each candidate leaves as the only cause.
     complete : bool, default=True

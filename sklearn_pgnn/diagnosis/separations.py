@@ -7,6 +7,7 @@ from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.experiment_design.separation import Separation
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
 
 
@@ -18,23 +19,6 @@ def pair_of(cause) -> Candidate:
 def effect_named(named, catalogue: Sequence[type[Effect]]) -> Effect:
     """Return the effect of a catalogue with a given id and target.
 
-    Parameters
-    ----------
-    named : NamedCause, Candidate or (str, str)
-        The cause, or its effect and target.
-    catalogue : sequence of type[Effect]
-        The effects.
-
-    Returns
-    -------
-    Effect
-        The effect, on its target.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import InputBias
@@ -42,7 +26,7 @@ def effect_named(named, catalogue: Sequence[type[Effect]]) -> Effect:
     True
     """
     effect, target = (named.effect, named.target) if hasattr(named, "effect") else named[:2]
-    for kind in (*catalogue, *WIRINGS):
+    for kind in (*catalogue, *WIRINGS, *DIFFERENCES):
         if effect in (kind, kind.id):
             return kind(target)
     raise ValueError(
@@ -62,29 +46,7 @@ def with_equivalent(cause: NamedCause, separations: Collection[Separation]) -> N
 def two_to_separate(
     causes: Mapping[Effect, NamedCause], catalogue: Sequence[type[Effect]], cause, other
 ) -> tuple[Effect, Effect]:
-    """Return a named cause, and the cause to separate it from.
-
-    Parameters
-    ----------
-    causes : mapping of Effect to NamedCause
-        The named causes.
-    catalogue : sequence of type[Effect]
-        The effects.
-    cause : NamedCause, Candidate, (str, str) or None
-        The cause; None for the first that was named.
-    other : Candidate, (str, str) or None
-        The other; None for the first that the cause is confused with.
-
-    Returns
-    -------
-    mine, theirs : Effect
-        The two.
-
-    Raises
-    ------
-    ValueError
-        If the cause was not named, or there is no other.
-    """
+    """Return a named cause, and the cause to separate it from."""
     if cause is None and not causes:
         raise ValueError("cause: expected a cause, but the diagnosis names none.")
     mine = next(iter(causes)) if cause is None else effect_named(cause, catalogue)

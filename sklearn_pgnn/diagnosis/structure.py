@@ -15,6 +15,8 @@ residuals :math:`r` the share
 
 .. math:: 1 - \frac{\| r - R \hat d \|^2}{\| r \|^2}.
 
+Of many places those are looked at where any input explains most of what is left.
+
 A sensor's noise, however coloured, and a disturbance from outside cannot be predicted in this way.
 Measured states are no signals: their noise would explain itself.
 """
@@ -36,9 +38,10 @@ from sklearn_pgnn.estimation.budgets import FILTERS, FOLDS, SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import record_starts
 from sklearn_pgnn.estimation.held_out import segments
+from sklearn_pgnn.estimation.likely_places import likely_places
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import SimulationError
-from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.physics.places import places_of
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -50,6 +53,8 @@ IN_RECORD = "time in the record"
 RIDGE = 1e-3
 #: features of a law without lags, and with all of them
 STATIC, ALL = slice(0, 0), slice(None)
+#: samples: some, or all
+Rows = np.ndarray | slice
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,8 @@ class Structure:
     Parameters
     ----------
     place : str
-        The state in whose rate it acts, or the input or output; empty if no law explains anything.
+        The port where it acts, the state in whose rate, or the input or output; empty if no law
+        explains anything.
     share : float
         Share of an output's squared error over windows that it explains, of records not used for
         it.
@@ -98,7 +104,7 @@ def find_structure(
     of the hidden input exceeds zero by Student's test over the groups, at `alpha` divided by the
     number of tests.
     """
-    names = channels(problem.prior)
+    names = places_of(problem.prior)
     level = alpha / (4 * len(names) * (1 + len(problem.prior.outputs)))
     found = [Structure()]
     for place in _places(problem, trial, names, each_step):
@@ -133,7 +139,7 @@ def _places(
 ) -> Iterator["_Place"]:
     """Yield the places where the hidden input can be found."""
     signals = _Signals.of(problem, trial, timed) if names else None
-    for name in names:
+    for name in likely_places(problem, trial, tuple(names)):
         d = hidden_input(problem, trial, name, each_step).values
         if signals is not None and np.isfinite(d).all():
             yield _Place(problem, trial, name, signals, d)
@@ -175,15 +181,15 @@ class _Signals:
         now = np.column_stack([signals, *([begun] * timed), np.ones(begun.size)])
         return cls(names, now, before, times, group, of_samples)
 
-    def columns(self, lags: slice, shuffled: int = -1) -> np.ndarray:
+    def columns(self, lags: slice, rows: Rows = ALL, shuffled: int = -1) -> np.ndarray:
         """Return the features of a law with some of the lags, those of one quantity shuffled."""
         before = self.before[lags]
-        features = np.hstack([self.now, *before])
+        features = np.hstack([self.now[rows], *before[:, rows]])
         if shuffled >= 0:
             of_lags = np.tile(np.arange(self.before.shape[2]), len(before))
             own = np.concatenate([np.arange(len(self.names) + 1), of_lags]) == shuffled
-            order = np.random.default_rng(0).permutation(len(features))
-            features[:, own] = features[order][:, own]
+            order = np.random.default_rng(0).permutation(len(self.now))
+            features[:, own] = self.columns(lags, order[rows])[:, own]
         return features
 
 
@@ -301,8 +307,8 @@ class _Place:
         """Return the hidden input that a law predicts of the groups it was not learned on."""
         predicted = np.zeros(self.d.size)
         for fold in law:
-            features = self.signals.columns(fold.lags, shuffled)
-            predicted[fold.inside] = fold.predict(features[fold.inside])
+            features = self.signals.columns(fold.lags, fold.inside, shuffled)
+            predicted[fold.inside] = fold.predict(features)
         return predicted
 
     def _responses(self, inputs: np.ndarray) -> np.ndarray:

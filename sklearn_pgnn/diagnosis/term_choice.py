@@ -5,27 +5,42 @@ import numpy as np
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.estimation.budgets import MOST_TERMS, OWN, RESOLUTION
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.likely_places import windows_looked_at
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.small_step import small_step
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.windows import evaluate
+
+#: terms whose responses are found at a time. More take more memory
+BLOCK = 128
+#: rows a column by which columns are told apart. More are safer beside noise, and there is none
+ROWS = 4
 
 
 def telling_terms(
     problem: EstimationProblem, base: FittedHypothesis, channel: str, columns: np.ndarray
 ) -> list[np.ndarray]:
     """Select terms by their effect on the outputs, with the effect of re-tuning projected out."""
-    windows, fit = problem.windows, base.fit
-    responses, by_state = linear_responses(fit.model, windows, fit.evaluation.x0, channel, columns)
+    fit = base.fit
+    some = windows_looked_at(problem.windows, fit.evaluation.squares, len(fit.model.states))
+    windows, x0 = problem.windows.select(some), fit.evaluation.x0[some]
     tuned = [_slope_by(problem, base, place) for place in range(len(fit.freedoms))]
-    block = np.concatenate([responses, np.stack(tuned, axis=-1)] if tuned else [responses], axis=-1)
-    table = np.concatenate([fit.evaluation.residual[..., None], block], axis=-1)
-    table = without_states(windows, table, by_state)
-    target, moved, known = np.split(table, [1, 1 + columns.shape[1]], axis=1)
-    basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
-    before = np.linalg.norm(moved, axis=0)
-    moved, target = (part - basis @ (basis.T @ part) for part in (moved, target))
-    seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > OWN * before)
+    table = np.stack([fit.evaluation.residual, *tuned], axis=-1)
+    basis, target = np.empty((0, 0)), np.empty(0)
+    found: list[np.ndarray] = []
+    before: list[np.ndarray] = []
+    for block in np.array_split(columns, -(-columns.shape[1] // BLOCK), axis=1):
+        responses, by_state = linear_responses(fit.model, windows, x0, channel, block)
+        if not found:
+            target, known = np.split(without_states(windows, table, by_state), [1], axis=1)
+            basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
+            target = target - basis @ (basis.T @ target)
+        part = without_states(windows, responses, by_state)
+        before.append(np.linalg.norm(part, axis=0))
+        part -= basis @ (basis.T @ part)
+        found.append(part)
+    moved = np.hstack(found)
+    seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > OWN * np.concatenate(before))
     path = leading_terms(moved[:, seen], target[:, 0], MOST_TERMS)
     full = np.zeros((len(path), columns.shape[1]))
     full[:, seen] = path
@@ -51,12 +66,13 @@ def independent(columns: np.ndarray) -> list[int]:
     [0, 2]
     """
     own: list[int] = []
-    basis = np.empty((len(columns), 0))
+    columns = columns[:: max(1, len(columns) // (ROWS * columns.shape[1]))]
+    directions = np.empty((columns.shape[1], len(columns)))  # a row each
     for i, column in enumerate(columns.T):
-        size = np.linalg.norm(column)
-        rest = column - basis @ (basis.T @ column)
-        rest = rest - basis @ (basis.T @ rest)
+        size, basis = np.linalg.norm(column), directions[: len(own)]
+        rest = column - (basis @ column) @ basis
+        rest = rest - (basis @ rest) @ basis
         if np.isfinite(size) and np.linalg.norm(rest) > RESOLUTION * size:
+            directions[len(own)] = rest / np.linalg.norm(rest)
             own.append(i)
-            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
     return own

@@ -2,18 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from sklearn_pgnn.diagnosis.term_choice import independent, telling_terms
-from sklearn_pgnn.diagnosis.term_library import term_library
+from sklearn_pgnn.diagnosis.term_library import leading_quantities, term_library
 from sklearn_pgnn.estimation.budgets import SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import typical_at
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
@@ -45,7 +47,7 @@ class MissingPart:
     Parameters
     ----------
     target : str
-        The state in whose rate it is missing, or the input or output.
+        The port at which it is missing, the state in whose rate, or the input or output.
     quantities : tuple of str
         The quantities it depends on.
     share : float
@@ -58,7 +60,7 @@ class MissingPart:
         The model with the terms, fitted together.
     left : ndarray of shape (n_samples,)
         What the records show there beside the terms, smoothed with the parameters fitted with
-        them [unit of the target; per second for a state].
+        them, see `sklearn_pgnn.physics.places.unit_at`.
     known : tuple of KnownTerms, default=()
         The terms that a parameter of the model or an effect of the catalogue expresses.
 
@@ -150,7 +152,8 @@ def propose(
     if not np.all(np.isfinite(hidden.values)):
         return []
     table = smoothed_samples(problem, model, hidden)
-    terms = term_library(problem.prior, table)
+    leading = leading_quantities(problem.prior, table, hidden.values)
+    terms = term_library(problem.prior, table, leading)
     columns = np.column_stack([evaluate_samples(term, table, hidden.values.size) for term in terms])
     own = independent(columns[:: max(1, len(columns) // SAMPLES)])
     columns, terms = columns[:, own], [terms[i] for i in own]
@@ -181,7 +184,7 @@ def hidden_input(
     each_step: Callable[[], bool | None] | None = None,
 ) -> HiddenInput:
     """Estimate by smoothing what acts at a channel and is not in the model."""
-    model, scales = base.fit.model, problem.scales
+    model = base.fit.model
     estimate = problem.states.estimate(model)
     return find_hidden_input(
         model,
@@ -189,7 +192,7 @@ def hidden_input(
         channel,
         estimate.x,
         estimate.spread,
-        scales.rate.get(channel, scales.typical[channel]),
+        typical_at(model, channel, problem.scales),
         problem.period,
         each_step,
     )
@@ -233,6 +236,7 @@ def smoothed_samples(problem, model, hidden) -> dict[str, np.ndarray]:
     return {**table, "t": problem.windows.t}
 
 
+@lru_cache(maxsize=16)
 def library_size(model: PhysicsModel) -> int:
     """Return the number of terms that a formula may be made of at a place."""
     return len(term_library(model, (*model.states, *model.inputs, "t")))

@@ -93,6 +93,9 @@ FILTERS = 8
 #: share of a formula term's effect on the outputs that must remain after re-tuning: less cannot be
 #: distinguished from re-tuning
 OWN = 0.02
+#: quantities of which products are terms of a formula: those that alone explain most. More make
+#: formulas of more kinds, and take time and memory by their square
+MOST_QUANTITIES = 6
 #: largest number of terms of a formula: more fit better, and explain less
 MOST_TERMS = 3
 #: draws for an interval or a probability. More cost time and make it more accurate

@@ -19,13 +19,16 @@ prediction would be more likely, however wrong its trajectory.
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.estimation.budgets import KEPT, STRETCHES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem, one_of
 from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import places_of, typical_at
 from sklearn_pgnn.simulation.bounded_step import bounded_step
 from sklearn_pgnn.simulation.disturbance import (
     Disturbance,
@@ -34,7 +37,6 @@ from sklearn_pgnn.simulation.disturbance import (
     likeliest,
 )
 from sklearn_pgnn.simulation.filtered_response import Starts, linearise_filtered
-from sklearn_pgnn.simulation.hidden_input import channels
 from sklearn_pgnn.simulation.led_states import Lead, lead
 from sklearn_pgnn.simulation.simulate import simulate_acting
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
@@ -120,7 +122,9 @@ class HeldOutWindows:
 
     def likelihoods(self, each_run: Callable[[], bool | None] = lambda: None) -> Iterator[float]:
         """Yield the likelihood with the parameters as they are, and as estimated again."""
-        found = (self._likeliest(each, each_run) for each in channels(self.problem.prior))
+        looks = [self._first_look(each, each_run) for each in self._places]
+        looks = sorted(looks, key=lambda look: -look.likelihood)[:KEPT]
+        found = (self._likeliest(look, each_run) for look in looks)
         best = max(found, key=lambda one: one.likelihood, default=None)
         if best is None:
             return
@@ -132,15 +136,29 @@ class HeldOutWindows:
         size, time = self._typical(best.channel)
         yield likeliest(again, size, time, best.disturbance, each_run)[1]
 
-    def _likeliest(self, channel: str, each_run: Callable[[], bool | None]) -> "_Beside":
-        """Find the most likely hidden input at a channel, first along a typical one's effect.
+    @property
+    def _places(self) -> tuple[str, ...]:
+        """Where the hidden input may act."""
+        return places_of(self.problem.prior)
 
-        This uses only some of the windows: it decides where to search further.
+    def _first_look(self, channel: str, each_run: Callable[[], bool | None]) -> "_Look":
+        """Find the most likely hidden input at a channel on some windows.
+
+        It decides where to search further. Where there are many places, each is looked at on
+        fewer windows.
         """
+        windows, (size, time) = self.problem.windows, self._typical(channel)
+        share = min(len(self._places) // KEPT, len(windows) // STRETCHES)
+        few = np.arange(0, len(windows), max(one_of(windows), share))
+        linear = self._linearised(channel, Disturbance(size**2, time), few)
+        found = likeliest(linear.select(few), size, time, each_run=each_run)
+        return _Look(channel, *found, linear if few.size == len(windows) else None)
+
+    def _likeliest(self, look: "_Look", each_run: Callable[[], bool | None]) -> "_Beside":
+        """Find the most likely hidden input at a channel, first along a typical one's effect."""
+        channel, disturbance = look.channel, look.disturbance
         size, time = self._typical(channel)
-        linear = self._linearised(channel, Disturbance(size**2, time))
-        few = linear.select(np.arange(0, len(linear.windows), one_of(linear.windows)))
-        disturbance, _ = likeliest(few, size, time, each_run=each_run)
+        linear = look.linear or self._linearised(channel, Disturbance(size**2, time))
         likelihood = innovations(linear, disturbance).log_likelihood
         first = _Beside(channel, linear, disturbance, likelihood)
         linear = self._linearised(channel, disturbance)
@@ -151,15 +169,23 @@ class HeldOutWindows:
     def _typical(self, channel: str) -> tuple[float, float]:
         """Return a typical value of a channel, and the time of a window."""
         scales = self.problem.scales
-        return scales.rate.get(channel, scales.typical[channel]), scales.window
+        return typical_at(self.problem.prior, channel, scales), scales.window
 
-    def _linearised(self, channel: str, disturbance: Disturbance) -> LinearWindows:
-        """Linearise all windows with a hidden input, along its effect."""
+    def _linearised(
+        self, channel: str, disturbance: Disturbance, few: np.ndarray | slice = slice(None)
+    ) -> LinearWindows:
+        """Linearise windows with a hidden input, along its effect."""
         windows = self.problem.windows
+        asked = np.zeros(len(windows), dtype=bool)
+        asked[few] = True
         (size, n_outputs), n = windows.y.shape, self.mean.shape[1] + 1
         F, H = np.zeros((size, n, n)), np.zeros((size, n_outputs, n))
         columns = np.full((size, n_outputs, 1), np.nan)
-        for model, part, starts in self.parts:
+        for fold, (model, part, starts) in zip(np.unique(self.folds), self.parts, strict=True):
+            some = asked[self.folds == fold]
+            part, starts = part.select(some), Starts(*(each[some] for each in starts))
+            if not len(part):
+                continue
             near = linearise_filtered(model, part, starts, channel, disturbance, self.variance)
             rows = part.rows
             F[rows], H[rows], columns[rows, :, 0] = (each[rows] for each in near)
@@ -189,6 +215,15 @@ class HeldOutWindows:
         if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
             return np.zeros_like(here)
         return bounded_step(hessian, gradient, 0.0, own["low"] - here, own["high"] - here)
+
+
+class _Look(NamedTuple):
+    """The most likely hidden input at a channel on some windows; all of them, if they are."""
+
+    channel: str
+    disturbance: Disturbance
+    likelihood: float
+    linear: LinearWindows | None
 
 
 @dataclass(frozen=True)

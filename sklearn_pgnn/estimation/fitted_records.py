@@ -97,17 +97,22 @@ def keep_records(
 def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
     """Return the initial state of every record: as recorded, else as fitted to its first window.
 
-    `settled` states are settled unless the first samples tell clearly otherwise.
+    States that inputs settle are settled unless the first samples tell clearly otherwise.
     """
     windows, states = problem.windows, list(model.states)
     starts = x0[np.searchsorted(windows.starts, windows.bounds[:-1])].copy()
-    for state in model.settled:
+    for state in _settled_by_inputs(model):
         column, rest = states.index(state), _settled(model, windows, state)
         near = np.abs(starts[:, column] - rest) < _noticeable(model, windows, state)
         starts[near, column] = rest[near]
     for start, told in zip(starts, problem.states.told, strict=True):
         start[[states.index(state) for state in told]] = list(told.values())
     return starts
+
+
+def _settled_by_inputs(model: PhysicsModel) -> tuple[str, ...]:
+    """Name the states that start at the first value of an input."""
+    return tuple(state for state, followed in model.settled.items() if followed in model.inputs)
 
 
 def _settled(model: PhysicsModel, windows: ShootingWindows, state: str) -> np.ndarray:
@@ -149,7 +154,7 @@ def _begun_elsewhere(
     So does an actuator at rest whose command steps in the first sample.
     """
     found = {}
-    for state in model.settled:
+    for state in _settled_by_inputs(model):
         start = starts[:, list(model.states).index(state)]
         off = np.mean((start - _settled(model, windows, state)) ** 2)
         if np.var(start) < CLEARLY * off:

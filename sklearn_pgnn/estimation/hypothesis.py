@@ -6,6 +6,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.effects.outputs import OutputEffect
 from sklearn_pgnn.physics.effects.wiring import Wiring
 from sklearn_pgnn.physics.model import PhysicsModel
 
@@ -94,6 +95,23 @@ def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
         return True
     a, b = other.apply(first), one.apply(second)
     return dict(a.equations) == dict(b.equations) and dict(a.outputs) == dict(b.outputs)
+
+
+def sensors_last(model: PhysicsModel, causes: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Return causes in the order in which they apply to a model some of whose outputs are rates.
+
+    A sensor shows what all other causes make of the rate.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects import CoulombFriction, SensorGain
+    >>> fall = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, {"a": "der(v)"})
+    >>> [each.id for each in sensors_last(fall, (SensorGain("a"), CoulombFriction("v")))]
+    ['coulomb_friction', 'sensor_gain']
+    """
+    if not any(port.outputs for port in model.ports.values()):
+        return causes
+    return tuple(sorted(causes, key=lambda cause: isinstance(cause, OutputEffect)))
 
 
 def count_parameters(cause: Effect) -> int:

@@ -3,7 +3,7 @@
 import itertools
 
 from sklearn_pgnn.estimation.freedoms import freedoms, held_by
-from sklearn_pgnn.estimation.hypothesis import Hypothesis, commute
+from sklearn_pgnn.estimation.hypothesis import Hypothesis, commute, sensors_last
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.same_in_equations import held_parameters
 from sklearn_pgnn.physics.effect import Effect
@@ -53,7 +53,10 @@ class HypothesisModels:
 
     def is_possible(self, hypothesis: Hypothesis) -> bool:
         """Return whether every cause can act on the model with those before it."""
-        return self._with_equations_of(hypothesis.order) is not None
+        return self._with_equations_of(self._applied(hypothesis)) is not None
+
+    def _applied(self, hypothesis: Hypothesis) -> tuple[Effect, ...]:
+        return sensors_last(self.problem.prior, hypothesis.order)
 
     def _with_equations_of(self, causes: tuple[Effect, ...]) -> PhysicsModel | None:
         """Return the prior extended by causes; None if one of them cannot act."""
@@ -72,7 +75,7 @@ class HypothesisModels:
 
     def extend(self, hypothesis: Hypothesis, values_of: PhysicsModel | None = None) -> PhysicsModel:
         """Return the prior extended by the causes of a hypothesis."""
-        model = self._at_first_starts(hypothesis.order)
+        model = self._at_first_starts(self._applied(hypothesis))
         values = {} if values_of is None else values_of.parameters
         known = {name: p.value for name, p in values.items() if name in model.parameters}
         return model.with_parameters(**known)

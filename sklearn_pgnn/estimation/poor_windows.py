@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import MUCH
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.simulation.led_states import led_states
-from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -83,7 +83,7 @@ class _OtherStarts:
         poor = squares > np.median(squares)
         if self.unsigned:
             return np.flatnonzero(poor)
-        sticks = any(dry_states(self.fit.model)) & (squares > MUCH**2 * np.median(squares))
+        sticks = bool(dry_friction(self.fit.model).rows) & (squares > MUCH**2 * np.median(squares))
         return np.flatnonzero(sticks | (self._starts_a_record() & poor & self.led.any()))
 
     def _starts_a_record(self) -> np.ndarray:

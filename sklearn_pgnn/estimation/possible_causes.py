@@ -6,6 +6,7 @@ from itertools import takewhile
 
 from sklearn_pgnn.estimation.same_in_equations import already_holds, same_parameter
 from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.channel_kinds import can_have
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -44,24 +45,16 @@ def _is_candidate(model: PhysicsModel, effect: Effect) -> bool:
 def _effects_on(
     model: PhysicsModel, catalogue: Iterable[type[Effect]], targets: Collection[str] | None
 ) -> Iterator[Effect]:
-    """Yield the effects of a catalogue on the targets that are considered."""
+    """Yield the effects of a catalogue on the targets that are considered, and can have them."""
     effects = (kind(target) for kind in catalogue for target in kind.targets(model))
-    return (effect for effect in effects if targets is None or effect.target in targets)
+    asked = (effect for effect in effects if targets is None or effect.target in targets)
+    return (effect for effect in asked if can_have(model, effect))
 
 
 def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
     """Warn of effects that are no candidates because the model uses a name of theirs otherwise.
 
     A parameter of another unit is not the effect's own, where that is known.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    catalogue : iterable of type[Effect]
-        The effects to consider.
-    targets : collection of str, optional
-        Targets to consider; by default all.
     """
     for effect in _effects_on(model, catalogue, targets):
         for parameter in effect.parameters(model):
@@ -75,22 +68,7 @@ def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
 
 
 def check_targets(model: PhysicsModel, targets, catalogue: Iterable[type[Effect]] = ()) -> None:
-    """Refuse targets that a model does not have.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    targets : collection of str or None
-        The targets; None means all.
-    catalogue : iterable of type[Effect], default=()
-        Effects besides the package's; they may have targets of their own.
-
-    Raises
-    ------
-    OptionError
-        If they are a single text, or one is no state, input, output or parameter of the model.
-    """
+    """Refuse targets that a model does not have."""
     if isinstance(targets, str):
         raise OptionError(
             f"targets: expected a sequence of states, inputs, outputs and parameters of "

@@ -21,6 +21,8 @@ from sklearn_pgnn.estimation.without_model import free_values, squares_without_m
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import signals_at_ports
+from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.record_windows import (
     MIN_SAMPLES,
     WINDOW_SHARE,
@@ -311,6 +313,9 @@ def _scales(model, windows, x) -> Scales:
     steps = [np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)]
     sample_time = float(np.median(np.concatenate(steps)))
     table = {name: x[:, i] for i, name in enumerate(model.states)}
+    samples = sample_table(model, windows, x)
+    for name, signal in signals_at_ports(model).items():
+        table[name] = evaluate_samples(signal, samples, windows.t.size)
     rate = {name: _rate(windows, values) for name, values in table.items()}
     tones, ripples = find_lines(model, windows, x)
     table |= {name: windows.u[:, i] for i, name in enumerate(model.inputs)}

@@ -86,8 +86,13 @@ class Screening:
             for cause in self._fits
             if ground.hypothesis.allows(cause)
         }
+        products, of = _Products(np.hstack([known, *blocks.values()])), {}
+        end = known.shape[1]
+        for cause, block in blocks.items():
+            of[cause] = np.arange(end, end := end + block.shape[1])
+        own = np.arange(known.shape[1])
         ranked = [
-            (_left(np.hstack([known, *(blocks[cause] for cause in causes)])), causes)
+            (products.left(np.concatenate([own, *(of[cause] for cause in causes)])), causes)
             for causes in combinations(blocks, count)
         ]
         return sorted(ranked, key=lambda item: item[0])
@@ -105,13 +110,19 @@ def _basis(table) -> np.ndarray:
     return directions[:, sizes > ROUNDING * sizes[0]]
 
 
-def _left(table) -> float:
-    """Return the squares of the first column that the others do not explain."""
-    size = np.linalg.norm(table, axis=0)
-    table = table / np.where(size > 0, size, 1.0)
-    gram = table[:, 1:].T @ table
-    inverse = np.linalg.pinv(gram[:, 1:], rcond=ROUNDING, hermitian=True)
-    return float(size[0] ** 2 * (1.0 - gram[:, 0] @ inverse @ gram[:, 0]))
+class _Products:
+    """The products of columns, each scaled to length one."""
+
+    def __init__(self, table: np.ndarray):
+        size = np.linalg.norm(table, axis=0)
+        table = table / np.where(size > 0, size, 1.0)
+        self.square, self.gram = float(size[0] ** 2), table.T @ table
+
+    def left(self, which: np.ndarray) -> float:
+        """Return the squares of the first of some columns that the others do not explain."""
+        gram = self.gram[np.ix_(which, which)]
+        inverse = np.linalg.pinv(gram[1:, 1:], rcond=ROUNDING, hermitian=True)
+        return self.square * float(1.0 - gram[0, 1:] @ inverse @ gram[1:, 0])
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,12 @@
 r"""Periodic components of a missing rate: tones in time, ripples over position.
 
 A fit of a wave has a local minimum at every frequency, so it must start near the right one. The
-missing part of a velocity's rate, :math:`\dot v - f(x, u, p)`, is taken from the estimated states;
-the part that re-tuned parameters could explain is projected out, and the peaks in the spectrum of
-the rest are the starting values. That rate is not available if a sensor is noisy or a state has
-no sensor, so peaks are also searched in the residuals of the re-tuned model.
+missing part of the rate of a velocity, :math:`\dot v - f(x, u, p)`, is taken from the estimated
+states; the part that re-tuned parameters could explain is projected out, and the peaks in the
+spectrum of the rest are the starting values. That rate is not available if a sensor is noisy or a
+state has no sensor, so peaks are also searched in the residuals of the re-tuned model.
 """
 
-from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -17,26 +16,29 @@ from scipy.ndimage import median_filter
 from scipy.signal import argrelmax, lombscargle
 
 from sklearn_pgnn.estimation.budgets import BACKGROUND, CYCLE_STEP, LINES, ROUNDING, SAMPLES
-from sklearn_pgnn.exceptions import SimulationError
-from sklearn_pgnn.physics.effects.rates import is_velocity
+from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
+from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.simulation.added_response import AddedResponse, Addition, Gains, gains_at
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 def missing_rate(
-    model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, state: str
+    model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, flow: sympy.Expr
 ) -> np.ndarray:
-    """Return the missing rate of a state, less the part that the parameters could explain."""
-    size, rate = windows.t.size, model.equations[state]
+    """Return the missing rate of a flow, less the part that the parameters could explain."""
+    slopes = {state: flow.diff(symbol(state)) for state in model.states}
+    rate = sympy.Add(*(slope * model.equations[state] for state, slope in slopes.items()))
+    size = windows.t.size
     table = sample_table(model, windows, x)
     explained = [sympy.Integer(1), *(sympy.diff(rate, symbol(n)) for n in model.free_parameters)]
     columns = np.column_stack([evaluate_samples(e, table, size) for e in explained])
-    missing = slopes_by_record(windows, table[state]) - evaluate_samples(rate, table, size)
+    measured = slopes_by_record(windows, evaluate_samples(flow, table, size))
+    missing = measured - evaluate_samples(rate, table, size)
     known = np.isfinite(columns).all(axis=1) & np.isfinite(missing)
     columns, missing = np.where(known[:, None], columns, 0.0), np.where(known, missing, 0.0)
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
@@ -50,18 +52,24 @@ def slopes_by_record(windows: ShootingWindows, values: np.ndarray) -> np.ndarray
 
 
 def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> tuple[dict, dict]:
-    """Find the tones and the ripples in the missing rates of a model's velocities."""
+    """Find the tones and the ripples in the missing rates of the velocities at a model's ports."""
     tones, ripples = {}, {}
-    pairs = model.kinematic_pairs
-    for state in model.states:
-        if not is_velocity(model, state):
-            continue
-        missing = missing_rate(model, windows, x, state)
-        tones[state] = _tones(windows, missing)
-        if state in pairs:
-            position = x[:, list(model.states).index(pairs[state])]
-            ripples[state] = _ripples(position, missing)
+    for name, port in _moving_ports(model).items():
+        missing = missing_rate(model, windows, x, port.flow)
+        tones[name] = _tones(windows, missing)
+        if port.displacement is not None:
+            ripples[name] = _ripples(_path(model, windows, x, port), missing)
     return tones, ripples
+
+
+def _moving_ports(model: PhysicsModel) -> dict[str, Port]:
+    return {name: port for name, port in model.ports.items() if is_moving(model, port)}
+
+
+def _path(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, port: Port) -> np.ndarray:
+    """Return the displacement at a port at every sample."""
+    table = sample_table(model, windows, x)
+    return evaluate_samples(sympy.sympify(port.displacement), table, windows.t.size)
 
 
 def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, ...]:
@@ -79,21 +87,25 @@ def ripples_left(
     """
     some, x0, found = windows.select(which), fit.evaluation.x0[which], {}
     some = replace(some, y=fit.evaluation.residual)
-    for state, position in fit.model.kinematic_pairs.items():
-        path = x[:, list(fit.model.states).index(position)]
-        with suppress(SimulationError):
-            found[state] = _ripples_left(some, fit.model, x0, state, path)
+    response = AddedResponse(fit.model, some, x0)
+    if not response.is_finite:
+        return {}
+    for name, port in _moving_ports(fit.model).items():
+        if port.displacement is not None:
+            path = _path(fit.model, windows, x, port)
+            found[name] = _ripples_left(response, gains_at(response, name), path)
     return found
 
 
-def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
-    travel = np.ptp(position)
+def _ripples_left(response: AddedResponse, gains: Gains, position: np.ndarray) -> tuple[float, ...]:
+    travel, y = np.ptp(position), response.windows.y
     if not travel > 0:
         return ()
     cycles = np.arange(1.0, MOST_CYCLES, CYCLE_STEP)
-    parts = -(-left.y.size // SAMPLES)  # of the waves, to limit the memory for their responses
+    parts = -(-y.size // SAMPLES)  # of the waves, to limit the memory for their responses
+    residual = response.without_states(y[..., None]).reshape(-1, 1)
     explained = [
-        _explained(left, model, x0, state, 2 * np.pi * position[:, None] * some / travel)
+        _explained(response, residual, gains, 2 * np.pi * position * some[:, None] / travel)
         for some in np.array_split(cycles, parts)
     ]
     power = np.concatenate(explained)
@@ -102,12 +114,11 @@ def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
     return tuple(float(travel / c) for c in cycles[highest])
 
 
-def _explained(windows, model, x0, state, phase) -> np.ndarray:
-    """Return the squares of windows that waves in a state's rate explain, by their phases."""
-    waves = np.hstack([np.cos(phase), np.sin(phase)])
-    responses, by_state = linear_responses(model, windows, x0, state, waves)
-    table = np.concatenate([windows.y[..., None], responses], axis=-1)
-    r, c, s = np.split(without_states(windows, table, by_state), [1, 1 + phase.shape[1]], axis=1)
+def _explained(response: AddedResponse, r, gains: Gains, phase: np.ndarray) -> np.ndarray:
+    """Return the squares of residuals that waves at a place explain, by their phases."""
+    every = (*np.cos(phase), *np.sin(phase))
+    waves = [Addition(tuple((i, gain * wave) for i, gain in gains)) for wave in every]
+    c, s = np.split(response.to(waves).reshape(r.size, -1), 2, axis=1)
     pairs = (c, c), (s, s), (c, s), (c, r), (s, r)
     cc, ss, cs, cr, sr = ((one * other).sum(axis=0) for one, other in pairs)
     common = cc * ss - cs**2

@@ -91,26 +91,7 @@ class WindowFitter:
         x0: np.ndarray,
         **options,
     ) -> WindowFit:
-        """Fit a model; after a numerical failure return the placeholder for an unusable fit.
-
-        Parameters
-        ----------
-        tolerate : context manager
-            Suppresses the errors of numerical failures.
-        model, windows, free
-            See `fit_windows`.
-        start : Start
-            Expected initial states.
-        x0 : ndarray of shape (n_windows, n_states)
-            Starting values of the initial states.
-        **options
-            See `fit_windows`.
-
-        Returns
-        -------
-        WindowFit
-            The fit.
-        """
+        """Fit a model; after a numerical failure return the placeholder for an unusable fit."""
         with tolerate:
             return fit_windows(
                 model,
@@ -345,10 +326,9 @@ class WindowFitter:
         of fewer samples than usual no better than is possible without a model. What predicts none
         better than that only ends it.
         """
-        of_prior, left = (self.held_out(each).windows.squares for each in (self.base(), trial))
-        if (of_prior < self.problem.squares_of_no_use).any():
-            return False
-        return not bool((left < self.problem.squares_without_model).any())
+        of_prior = self.held_out(self.base()).windows.squares
+        is_lost = not (of_prior < self.problem.squares_of_no_use).any()
+        return is_lost and self._tells_nothing(trial)
 
     def predicts_nothing(self, trial: FittedHypothesis, smallest_share: float) -> bool:
         """Return whether a hypothesis tells no more of any output than carrying on does.
@@ -356,22 +336,23 @@ class WindowFitter:
         It does so over the windows of the fit, over windows of the usual length, where it leaves
         more than twice the noise, and in free run, which tells no more than the outputs' mean.
         """
-        problem, found = self.problem, self.held_out(trial)
-        least = (1.0 - smallest_share) * problem.squares_without_model
-        if found.tells.any() or (found.windows.squares < least).any():
+        if self.held_out(trial).tells.any() or not self._tells_nothing(trial, smallest_share):
             return False
-        if (usual := in_usual_windows(problem)) is None:
-            return not _leaves_little(problem, trial.fit)
-        model, start = (
-            trial.fit.model,
-            Start(*usual.states.expected_starts(trial.fit.model, usual.windows)),
-        )
+        if (usual := in_usual_windows(self.problem)) is None:
+            return not _leaves_little(self.problem, trial.fit)
+        model = trial.fit.model
+        start = Start(*usual.states.expected_starts(model, usual.windows))
         tolerate = self._tolerate(trial.hypothesis, USUAL)
         fit = self.fit_model(tolerate, model, usual.windows, (), start, start.x0)
         if not fit.usable:
             return True
         least = (1.0 - smallest_share) * usual.squares_without_model
         return not (_leaves_little(usual, fit) or (squares_by_output(usual, fit) < least).any())
+
+    def _tells_nothing(self, trial: FittedHypothesis, smallest_share: float = 0.0) -> bool:
+        """Return whether no output is told better over windows than is possible without a model."""
+        least = (1.0 - smallest_share) * self.problem.squares_without_model
+        return not bool((self.held_out(trial).windows.squares < least).any())
 
     def white_squares(self, trial: FittedHypothesis) -> np.ndarray:
         """Return the white part of the squared residuals of a hypothesis, by output."""

@@ -22,6 +22,7 @@ from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.usual_start import free_run_error, with_usual_start
 from sklearn_pgnn.exceptions import FitWarning, OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.spread_ends import at_bounds
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns
 from sklearn_pgnn.simulation.intervals import (
@@ -246,8 +247,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         found = self._find(pieces, names)
         windows = found.windowed.windows
         self.model_ = self._keep_model(found, records)
-        self._keep_estimates(found)
-        _warn_of_ends(found.fit.freedoms, self.model_)
+        loose = self._keep_estimates(found)
+        _warn_of_loose(self.parameters_, loose)
+        _warn_of_ends(found.fit.freedoms, self.model_, loose)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
         starts = {piece.rows[0]: x0 for piece, x0 in zip(pieces, firsts, strict=True)}
         unknown = np.full(len(self.model.states), np.nan)
@@ -488,7 +490,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._simulated = (interval, self.substeps_, limits, self.hold_, self.method_)
         return found.fit.model.replace(simulation=said)
 
-    def _keep_estimates(self, found: ParameterFit) -> None:
+    def _keep_estimates(self, found: ParameterFit) -> list[str]:
+        """Keep values with intervals; return the names of those that are not determined."""
         errors = standard_errors(found.fit, found.expected, found.spread)
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
         loose = [name for name, error in errors.items() if not np.isfinite(error)]
@@ -498,7 +501,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 low, high = Profile(found, name, error).interval()
                 self.parameters_[name] = replace(self.parameters_[name], low=low, high=high)
                 loose += [name] if self._is_wide(name) else []
-        _warn_of_loose(self.parameters_, loose)
+        return loose
 
     def _is_wide(self, name: str) -> bool:
         """Return whether an interval is open, or wider than the parameter is large."""
@@ -554,8 +557,8 @@ def _range(name: str, found: Estimate) -> str:
     return f"{name} from {found.low:.3g} to {found.high:.3g} {found.unit}".rstrip()
 
 
-def _warn_of_ends(freedoms, model) -> None:
-    """Warn of parameters that ended at a limit of their spread."""
+def _warn_of_ends(freedoms, model, loose: list[str]) -> None:
+    """Warn of parameters that ended at a limit of their spread, or, if determined, at a bound."""
     values = {each.name: model.parameters[each.name].value for each in freedoms}
     ends = [
         each.name
@@ -567,5 +570,14 @@ def _warn_of_ends(freedoms, model) -> None:
             f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger spread "
             f"in the model, or within_spread=False; if they compensate for missing physics, "
             f"ModelDiagnosis(model) looks for it.",
+            FitWarning,
+        )
+    fitted = {each.name for each in freedoms} - {*ends, *loose}
+    for name in (name for name in at_bounds(model) if name in fitted):
+        low, high = model.parameters[name].bounds
+        warn_user(
+            f"{name} ended at a bound ({low:g} to {high:g}): the records want a value beyond it. "
+            f"Remedy: widen the bounds, if the machine may be so; else the model lacks something, "
+            f"and ModelDiagnosis(model) looks for it.",
             FitWarning,
         )

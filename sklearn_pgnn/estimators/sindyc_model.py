@@ -70,6 +70,7 @@ def identified_model(
         parameters={**new, **kept},
         inertia=base.inertia if T is None else {},
         energy={},
+        ports={},
     )
 
 

@@ -60,6 +60,11 @@ def outputs_of(model: PhysicsModel) -> Assignments:
     return _wanted(model, range(first, first + len(model.outputs)))
 
 
+def rates_by_signs_of(model: PhysicsModel) -> Assignments:
+    """Return the assignments for how the rates change with the signs of dry friction."""
+    return _wanted(model, write_source(model).rates_by_signs)
+
+
 def _wanted(model: PhysicsModel, which: range) -> Assignments:
     """Return the part of a model's function that some of its entries need."""
     require_equations(model, "export")

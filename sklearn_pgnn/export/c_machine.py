@@ -5,22 +5,29 @@ from importlib.resources import files
 from typing import Any
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
+from sklearn_pgnn.export.assignments import (
+    Assignments,
+    outputs_of,
+    rates_by_signs_of,
+    rates_of,
+)
 from sklearn_pgnn.export.c_expression import CPrinter
 from sklearn_pgnn.export.c_names import c_name, c_names
 from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import late_inputs
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.complementarity import MAX_PIVOTS, SWEEPS
+from sklearn_pgnn.simulation.complementarity import ROUNDING as ROUNDED
 from sklearn_pgnn.simulation.model_function import METHODS
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.simulation.source import dry_states
-from sklearn_pgnn.simulation.stepping import MAX_EVENTS
+from sklearn_pgnn.simulation.stepping import AT_REST, MAX_EVENTS
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 PRECISIONS = {"double": "double", "single": "float"}
 KEPT = ("constants", "struct")
-#: value to which a state that starts to move is set: as in the simulation, and one for floats
-TINY = {"double": 1e-300, "single": 1e-37}
+#: shares that are rounding, of a difference and of a pivot
+ROUNDING = {"double": (AT_REST, ROUNDED), "single": (1e-6, 1e-5)}
 
 
 class Machine:
@@ -51,9 +58,9 @@ class Machine:
         self.precision, self.by_struct = precision, parameters == "struct"
         self.prefix, self.method, self.substeps, self.hold = f"{name}_", method, substeps, hold
         self.printer = CPrinter(precision == "single", self.prefix)
-        sides = map(_side, model.states)
+        self.dry = dry_friction(model).rows
+        sides = map(_side, range(len(self.dry)))
         self.names = c_names((*model.states, *model.inputs, *model.parameters, *sides))
-        self.dry = dry_states(model)
 
     def content(self, *, with_rates: bool = True) -> dict[str, Any]:
         """Return the template's variables."""
@@ -72,10 +79,9 @@ class Machine:
             "ny": len(model.outputs),
             "places": self._places(),
             "states": [{"start": self._start(state)} for state in model.states],
-            "follows": bool(model.settled),
-            "any_dry": any(self.dry),
-            "keeps_side": any(self.dry),
-            "dry": [i for i, is_dry in enumerate(self.dry) if is_dry],
+            "follows": any(name in model.inputs for name in model.settled.values()),
+            "keeps_side": bool(self.dry),
+            **self._friction(rates, outputs),
             "delays": self._delays(),
             "by_struct": self.by_struct,
             "parameters": self._parameters(),
@@ -94,10 +100,29 @@ class Machine:
             "substeps": self.substeps,
             "foh": self.hold == "foh" and bool(model.inputs),
             "max_events": MAX_EVENTS,
-            "tiny": number(TINY[self.precision]),
             "uses_time": uses_time,
             "time": self.time() if uses_time else "0",
             "helpers": self.printer,
+        }
+
+    def _friction(self, rates, outputs) -> dict[str, Any]:
+        """Return what the template needs for dry friction."""
+        number = self.printer.number
+        shares = dict(zip(("at_rest", "rounding"), ROUNDING[self.precision], strict=True))
+        alone = [[m for m, c in enumerate(row) if c] for row in self.dry]
+        parts = [*zip(self.dry, alone, strict=True)]
+        by_sides = rates_by_signs_of(self.model) if rates and self.dry else None
+        return {
+            "nd": len(self.dry),
+            "flows": [[number(c) for c in row] for row in self.dry],
+            "own": [states[0] if len(states) == 1 else -1 for states in alone],
+            "by_sides": None if by_sides is None else self.written(by_sides),
+            "moving": [[f"{number(row[m])}*x[{m}]" for m in states] for row, states in parts],
+            "shows_side": rates is not None and "s" in outputs.arrays,
+            "moves_side": rates is None and "s" in outputs.arrays,
+            "max_pivots": MAX_PIVOTS,
+            "sweeps": SWEEPS,
+            **{name: number(share) for name, share in shares.items()},
         }
 
     def _given_u(self, name: str = "u") -> str:
@@ -128,7 +153,7 @@ class Machine:
         results = [self.printer.write(result, names) for result in code.results]
         used = {"t": code.uses_time, "x": "x" in code.arrays}
         used |= {"u": "u" in code.arrays} if self.model.inputs else {}
-        used |= {"side": "s" in code.arrays} if any(self.dry) else {}
+        used |= {"side": "s" in code.arrays} if self.dry else {}
         used |= {"p": any("p->" in line for line in declared)} if self.by_struct else {}
         unused = [name for name, is_used in used.items() if not is_used]
         return {"declared": declared, "results": results, "unused": unused}
@@ -137,7 +162,7 @@ class Machine:
         """Return the name of an argument, and its value."""
         model = self.model
         if array == "s":
-            return self.names[_side(list(model.states)[place])], f"side[{place}]"
+            return self.names[_side(place)], f"side[{place}]"
         if array in "xu":
             name = self.names[list(model.states if array == "x" else model.inputs)[place]]
             return name, f"{array}[{place}]"
@@ -179,9 +204,9 @@ class Machine:
 
     def _start(self, state: str) -> str:
         followed = self.model.settled.get(state)
-        if followed is not None:
+        if followed in self.model.inputs:
             return f"u[{list(self.model.inputs).index(followed)}]"
-        return self.printer.number(self.model.initial_state[state])
+        return self.printer.number(self.model.initial_state[followed or state])
 
     def time(self) -> str:
         """Return the time of the current sample."""
@@ -283,9 +308,9 @@ def comment(text: str, *, lines: bool = False):
     return safe if lines else safe[0]
 
 
-def _side(state: str) -> str:
-    """Return the name of the sign in a state's dry friction."""
-    return f"side {state}"
+def _side(i: int) -> str:
+    """Return the name of the sign in a dry friction."""
+    return f"side {i}"
 
 
 def _with_unit(model: PhysicsModel, name: str) -> str:

@@ -9,9 +9,9 @@ from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs
 from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 
@@ -98,7 +98,7 @@ def to_casadi(
 
 
 def _check_dry(model, friction_width) -> None:
-    dry = [state for state, is_dry in zip(model.states, dry_states(model), strict=True) if is_dry]
+    dry = [*map(str, dry_friction(model).flows)]
     if dry and friction_width is None:
         raise ModelError(
             f"to_casadi: {dry[0]!r} has dry friction, whose jump an optimiser cannot "

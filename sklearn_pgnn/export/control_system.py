@@ -9,10 +9,10 @@ from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.explicit_steps import explicit_substeps
 from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs, past_names
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import numpy_function
 from sklearn_pgnn.simulation.simulate import hold_of, simulate
-from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 
@@ -97,7 +97,7 @@ def to_control(
 def _refuse_what_is_not_smooth(model) -> None:
     """Refuse models that a solver of ordinary differential equations cannot integrate."""
     remedy = "Remedy: to_control(model, interval=0.01), a system in discrete time, can."
-    dry = [state for state, is_dry in zip(model.states, dry_states(model), strict=True) if is_dry]
+    dry = [*map(str, dry_friction(model).flows)]
     if dry:
         raise ModelError(
             f"to_control: {dry[0]!r} sticks in dry friction, which a system in continuous time "

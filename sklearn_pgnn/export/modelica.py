@@ -5,10 +5,10 @@ from sympy.printing.str import StrPrinter
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.c_names import c_name, c_names
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import require_equations
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.source import dry_states
 
 _KEYWORDS = (
     "abs acos algorithm and annotation asin assert atan atan2 block break ceil class connect "
@@ -90,7 +90,7 @@ def to_modelica(
 
 
 def _check_dry(model, width) -> None:
-    dry = [state for state, is_dry in zip(model.states, dry_states(model), strict=True) if is_dry]
+    dry = [*map(str, dry_friction(model).flows)]
     if dry and width is None:
         raise ModelError(
             f"to_modelica: {dry[0]!r} sticks in dry friction, which the text has no events for. "
@@ -151,12 +151,8 @@ class _Writer(StrPrinter):
         for name, delay in model.delays.items():
             late = f"delay({names[name]}, {names[delay]})"
             self._put[symbol(name)] = sympy.Symbol(late)
-        dry = zip(model.states, dry_states(model), strict=True)
-        self._signs = {
-            sympy.sign(symbol(state)): sympy.tanh(symbol(state) / width)
-            for state, is_dry in dry
-            if is_dry
-        }
+        dry = dry_friction(model)
+        self._signs = dry.smoothed(width) if dry.rows else {}
 
     def __call__(self, expression: sympy.Expr) -> str:
         return self.doprint(expression.xreplace(self._signs).xreplace(self._put))

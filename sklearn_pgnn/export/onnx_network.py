@@ -10,8 +10,8 @@ from sklearn_pgnn.export.c import is_network
 from sklearn_pgnn.export.onnx_graph import Graph, Value
 from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.simulation.network_run import NetworkStep, terms_model
-from sklearn_pgnn.simulation.source import dry_states
 
 #: ONNX operator set that runtimes of some years support
 OPSET, IR_VERSION = 18, 8
@@ -100,13 +100,12 @@ def to_onnx(
 def _refuse_events(step: NetworkStep, prior_as_input: bool) -> None:
     if not step.needs_prior or prior_as_input:
         return
-    dry = dry_states(step.model)
-    if any(dry):
-        state = list(step.model.states)[dry.index(True)]
+    dry = dry_friction(step.model).flows
+    if dry:
         raise ModelError(
-            f"to_onnx: the step of the model has events, for {state!r} has dry friction, which a "
-            f"graph cannot express. Remedy: prior_as_input=True takes the model's step as an "
-            f"input; to_c exports all of it."
+            f"to_onnx: the step of the model has events, for {str(dry[0])!r} has dry friction, "
+            f"which a graph cannot express. Remedy: prior_as_input=True takes the model's step as "
+            f"an input; to_c exports all of it."
         )
 
 

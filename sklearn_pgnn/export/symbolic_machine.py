@@ -8,6 +8,7 @@ from typing import Any
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.model_function import METHODS
 
@@ -50,6 +51,7 @@ class SymbolicMachine:
     ):
         self._function, self._width = function, friction_width
         self._p = [(free or {}).get(name, p.value) for name, p in model.parameters.items()]
+        self._dry = dry_friction(model).rows
         self._rates, self._outputs = rates_of(model), outputs_of(model)
 
     def rates(self, t, x: Sequence, u: Sequence) -> list:
@@ -130,11 +132,15 @@ class SymbolicMachine:
     def _evaluate(self, code: Assignments, t, x, u) -> list:
         arrays = {"x": x, "u": u, "p": self._p}
         if self._width is not None:
-            arrays["s"] = [self._function("tanh")(v / self._width) for v in x]
+            arrays["s"] = [self._function("tanh")(v / self._width) for v in self._flows(x)]
         names = {name: arrays[array][i] for name, (array, i) in code.places.items()} | {"t": t}
         for name, expression in code.shared.items():
             names[name] = self._value(expression, names)
         return [self._value(result, names) for result in code.results]
+
+    def _flows(self, x: Sequence) -> list:
+        """Return the flows under dry friction."""
+        return [sum(c * v for c, v in zip(row, x, strict=True) if c) for row in self._dry]
 
     def _value(self, node, names: dict[str, Any]):
         """Evaluate a node of a straight-line expression."""

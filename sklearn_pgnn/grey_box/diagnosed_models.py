@@ -43,6 +43,7 @@ def prepare_diagnosis(diagnosis, model: PhysicsModel, time: TimeLimit, *, judges
     own: dict[str, Any] = {"model": model, "time_column": None, "n_jobs": None}
     if diagnosis is None and not judges_new_records:
         own["catalogue"] = time_invariant_causes(model)
+    own["compare_records"] = False  # nobody says of a new record to which group it belongs
     prepared = clone(diagnosis_or_default(diagnosis, model))
     return prepared.set_params(**own, time_limit=time.of_diagnosis(prepared.time_limit))
 

@@ -7,6 +7,7 @@ from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison, co
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.parameters_display import ParametersDisplay
 from sklearn_pgnn.inspection.report import Provenance, SourceFile, render_report, write_report
 from sklearn_pgnn.inspection.residual_display import ResidualDisplay, resid
@@ -27,6 +28,7 @@ __all__ = [
     "compare",
     "first_look",
     "fit_percentage",
+    "missing_efforts",
     "plot_detectability",
     "plot_diagnosis",
     "render_report",

@@ -1,18 +1,23 @@
 """A named cause together with the records: the data from which its evidence is computed."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
+from sklearn_pgnn.estimation.hypothesis import sensors_last
 from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 from sklearn_pgnn.physics.effects.formula import known_part
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.port import Port, inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -71,6 +76,26 @@ class Case:
         samples = self.samples
         return samples.rate(state) - samples.mean(self.without.equations[state])
 
+    def shows(self, port: Port) -> bool:
+        """Return whether the flow at a port can be taken from the records."""
+        flow = set(map(str, port.flow.free_symbols)) & set(self.full.states)
+        return flow <= self.seen
+
+    def missing_effort(self, port: Port) -> np.ndarray:
+        """Return the effort at a port that would make up for the missing rate of its flow."""
+        missing = missing_rate_of(port, self.full, self.missing_rate)
+        return missing * self.samples.value(inertia_at(port, self.full))
+
+
+def missing_rate_of(
+    port: Port, model: PhysicsModel, of_state: Callable[[str], np.ndarray]
+) -> np.ndarray:
+    """Return the missing rate of a port's flow, from those of its states."""
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    slopes = {s: port.flow.diff(symbol(s)).xreplace(values) for s in model.states}
+    parts = [float(slope) * of_state(s) for s, slope in slopes.items() if slope != 0]
+    return np.sum(parts, axis=0)
+
 
 def model_with_all(diagnosis) -> PhysicsModel:
     """Return the model with all causes found, and the formula if there is one."""
@@ -80,17 +105,19 @@ def model_with_all(diagnosis) -> PhysicsModel:
 
 def known_effects(diagnosis) -> dict:
     """Return the effects that a diagnosis may name, by id."""
-    kinds = (*CATALOGUE, *WIRINGS, *read_catalogue(diagnosis.catalogue))
+    kinds = (*CATALOGUE, *WIRINGS, *DIFFERENCES, *read_catalogue(diagnosis.catalogue))
     return {effect.id: effect for effect in kinds}
 
 
 def make_case(diagnosis, cause) -> Case:
     """Return a cause with all that was found, with and without it, and the records."""
     known, part = known_effects(diagnosis), diagnosis.discrepancy_
-    full, without = model_with_all(diagnosis), diagnosis.model
-    for other in diagnosis.causes_:
-        if other is not cause:
-            without = known[other.effect](other.target).apply(without)
+    full, without = model_with_all(diagnosis), diagnosis.records_.problem.prior
+    others = (
+        known[other.effect](other.target) for other in diagnosis.causes_ if other is not cause
+    )
+    for other in sensors_last(without, tuple(others)):
+        without = other.apply(without)
     if part is not None:
         without = known_part(part.effect, without).apply(without)
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}

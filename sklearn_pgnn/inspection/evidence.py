@@ -10,8 +10,8 @@ from sklearn_pgnn.inspection.motion_evidence import cut_rate, implied_parameter,
 from sklearn_pgnn.inspection.signal_evidence import felt_input, residual_over_time, shown_output
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.words import place_name
-from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import parse_expression
+from sklearn_pgnn.physics.places import unit_at
 
 #: function that computes each kind of characteristic; None where the records do not show it
 DRAWN = {
@@ -56,8 +56,7 @@ def missing_evidence(diagnosis) -> Evidence:
     """
     part = diagnosis.discrepancy_
     said = said_by_formula(diagnosis)
-    unit = part.model.unit(part.target)
-    unit = rate_unit(unit) if part.target in part.model.states else unit
+    unit = unit_at(part.model, part.target)
     grid = even_grid(said)
     return Evidence(
         title=f"What is missing in {place_name(diagnosis.model, part.target)}",

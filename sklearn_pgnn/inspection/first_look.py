@@ -52,6 +52,8 @@ class SeenQuantity:
         Smallest and largest value [unit].
     missing : int
         Samples without a value.
+    channel : str
+        What the model says of it, as in ``"measured"`` or ``"encoder"``; empty if nothing.
     """
 
     name: str
@@ -60,6 +62,7 @@ class SeenQuantity:
     low: float
     high: float
     missing: int
+    channel: str = ""
 
 
 @dataclass(frozen=True)
@@ -213,6 +216,7 @@ def _quantities(model, u, y) -> tuple[SeenQuantity, ...]:
             float(np.nanmin(values)),
             float(np.nanmax(values)),
             int(np.isnan(values).sum()),
+            model.channels.get(name, ""),
         )
         for name, (role, values) in columns.items()
     )

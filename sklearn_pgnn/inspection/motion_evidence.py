@@ -5,15 +5,18 @@ it.
 """
 
 import numpy as np
+import sympy
 
 from sklearn_pgnn.inspection.case import Case
 from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import rate_unit
-from sklearn_pgnn.physics.effects.rates import is_velocity, unit_of_force
+from sklearn_pgnn.physics.effects.rates import RateEffect, is_moving
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port, against, inertia_at
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.source import differentiate
 
@@ -55,22 +58,17 @@ def _cut_rate(case: Case, state: str) -> Evidence | None:
 
 def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
     """Return the missing force of a state's equation against the quantity it depends on."""
-    state, model = curve.of, case.full
-    if state not in case.seen or state not in model.equations or curve.over is None:
+    model, port = case.full, _port_of(case.full, curve.of)
+    if port is None or not case.shows(port) or curve.over is None:
         return None
-    added = expanded(model.equations[state] - case.without.equations[state])
-    inertia = model.inertia.get(state)
-    force = -added if inertia is None else -added * inertia
     over, unit, x = _abscissa(case, curve)
-    scale = 1.0 if inertia is None else case.samples.value(inertia)
-    of_force = unit_of_force(model, state)
-    what = _what_is_missing(model, state, of_force)
+    what = _what_is_missing(model, port)
     return Evidence(
         title=f"Missing {what} over {over}",
         x_label=label(over, unit),
-        y_label=label(f"{what} against {state}", of_force),
-        points=(x, -scale * case.missing_rate(state)),
-        lines=(_law(case, force, curve.over, x),),
+        y_label=label(f"{what} {against(port, model)}", port.unit),
+        points=(x, -case.missing_effort(port)),
+        lines=(_law(case, _effort(case, port), curve.over, x),),
         note=(
             f"Every point is a sample of the records: the {what} that the model without this cause "
             f"lacks. The line is the {case.name} as identified."
@@ -139,10 +137,31 @@ def _over_correction(case: Case, name: str, state: str) -> Evidence:
     )
 
 
-def _what_is_missing(model, state: str, unit: str) -> str:
-    if state not in model.inertia:
-        return "deceleration" if is_velocity(model, state) else "rate"
-    return "torque" if unit.replace("*", " ").endswith("N m") else "force"
+def _port_of(model: PhysicsModel, name: str) -> Port | None:
+    """Return a port; for a position, which has none, that at which its rate changes."""
+    if name in model.states and name not in model.ports:
+        one, unit = sympy.Integer(1), rate_unit(model.unit(name))
+        return Port(name, symbol(name), None, {name: one}, {}, unit)
+    return model.ports.get(name)
+
+
+def _effort(case: Case, port: Port) -> sympy.Expr:
+    """Return the effort of a cause against the flow at a port."""
+    if isinstance(case.effect, RateEffect):
+        return case.effect.effort(case.without)
+    state, mobility = next(iter(port.rates.items()))
+    added = expanded(case.full.equations[state] - case.without.equations[state])
+    return -added * (inertia_at(port, case.full) if len(port.rates) == 1 else 1 / mobility)
+
+
+def _what_is_missing(model: PhysicsModel, port: Port) -> str:
+    """Return the name of the effort at a port."""
+    moving = is_moving(model, port)
+    if not port.is_power(model):
+        return "deceleration" if moving else "rate"
+    if not moving:
+        return "effort"
+    return "torque" if port.unit.replace("*", " ").endswith("N m") else "force"
 
 
 def _law(case: Case, expression, over, x) -> Line:

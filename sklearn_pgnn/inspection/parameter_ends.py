@@ -6,36 +6,14 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def spread_sentence(diagnosis) -> str:
-    """Return which parameters lie at an end of a spread or at a bound, and what to do.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        Sentences with their remedies; empty where every parameter lies inside.
-    """
+    """Return which parameters lie at an end of a spread or at a bound, and what to do."""
     retuned = _retuned(diagnosis)
     spread, bounds = at_spread_ends(diagnosis.model, retuned), at_bounds(retuned)
     return " ".join(filter(None, (_at_spreads(spread), _at_bounds(bounds))))
 
 
 def spread_remedy(diagnosis) -> str:
-    """Return what to do first where parameters lie at an end of a spread.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        One sentence; empty where every parameter lies inside its spread.
-    """
+    """Return what to do first where parameters lie at an end of a spread."""
     names = at_spread_ends(diagnosis.model, _retuned(diagnosis))
     if not names:
         return ""

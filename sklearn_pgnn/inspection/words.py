@@ -17,7 +17,10 @@ from sklearn_pgnn.inspection.yardstick import (
     shown_models,
 )
 from sklearn_pgnn.physics.effects import find_effect
+from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import is_effort
+from sklearn_pgnn.physics.port import against
 from sklearn_pgnn.record_quality.drift import differing
 from sklearn_pgnn.record_quality.wording import listed
 
@@ -290,6 +293,10 @@ def law_sentence(model: PhysicsModel, law: Structure) -> str:
 
 def place_name(model: PhysicsModel, target: str) -> str:
     """Return the place of a missing part."""
+    if is_effort(model, target):
+        of = model.port(target)
+        force = "torque" if of.unit.endswith("N m") else "force"
+        return f"the {force} {against(of, model)}" if is_moving(model, of) else f"the {of.name}"
     return f"the rate of {target}" if target in model.states else target
 
 

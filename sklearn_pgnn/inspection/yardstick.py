@@ -102,28 +102,12 @@ class LeftAlone(NamedTuple):
 
 
 def left_alone(diagnosis) -> list[LeftAlone]:
-    """Return the error that each candidate leaves as the only cause, the best first.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    list of LeftAlone
-        The candidates.
-    """
+    """Return the error that each candidate leaves as the only cause, the best first."""
     refitted = together(diagnosis).refitted
     return [
         LeftAlone(effect, target, *(refitted * math.sqrt(max(share, 0.0)) for share in shares))
         for effect, target, *shares in diagnosis.candidates_
     ]
-
-
-def leaves_much(diagnosis) -> bool:
-    """Return whether the residuals of any output over windows exceed twice its noise."""
-    return diagnosis.remaining_.is_much
 
 
 def retuning_counts(diagnosis) -> bool:

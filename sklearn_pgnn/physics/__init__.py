@@ -3,5 +3,6 @@
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.port import Port
 
-__all__ = ["Effect", "Parameter", "PhysicsModel"]
+__all__ = ["Effect", "Parameter", "PhysicsModel", "Port"]

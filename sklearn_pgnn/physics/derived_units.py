@@ -9,6 +9,22 @@ _FORCES = {
     ("kg m^2", "rad/s^2"): "N m",
     ("kg m^2", "1/s^2"): "N m",
 }
+#: units of an effort, by the unit of its flow
+EFFORTS = {"m/s": "N", "rad/s": "N m"}
+#: units of what flows into a store, by the unit of its content per second
+_FLOWS = {"J/s": "W", "C/s": "A", "F V/s": "A", "A H/s": "V", "Wb/s": "V"}
+
+
+def flow_unit(content: str) -> str:
+    """Return the unit of what flows into a store, by the unit of its content.
+
+    Examples
+    --------
+    >>> flow_unit("J"), flow_unit("F V"), flow_unit("m^3"), flow_unit("")
+    ('W', 'A', 'm^3/s', '')
+    """
+    unit = rate_unit(content) if content else ""
+    return _FLOWS.get(unit, unit)
 
 
 def rate_unit(unit: str) -> str:

@@ -16,6 +16,7 @@ from sklearn_pgnn.physics.derived_units import tidy_unit
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.port import PortName
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.typical import typical_by_kind, typical_value
 from sklearn_pgnn.readings import reading
@@ -78,8 +79,8 @@ class Effect(ABC):
     Parameters
     ----------
     target : str
-        The state, input, output or parameter the effect acts on; a pair such as ``"k(x)"`` if one
-        depends on the other.
+        The port, state, input, output or parameter the effect acts on; a pair such as ``"k(x)"``
+        if one depends on the other.
 
     Examples
     --------
@@ -102,6 +103,10 @@ class Effect(ABC):
     summary: ClassVar[str] = ""
     #: one sentence for the reader of a report: how to check the effect on the rig
     check: ClassVar[str] = ""
+    #: which fault of an actuator or a sensor it is, see `channel_kinds`; empty for one of the plant
+    fault: ClassVar[str] = ""
+    #: summary and check where the input that it acts on is measured
+    of_reading: ClassVar[tuple[str, ...]] = ()
     #: ids of effects that are a special case of this one
     generalises: ClassVar[tuple[str, ...]] = ()
     #: ids of effects that cannot be combined with this one
@@ -199,6 +204,23 @@ class Effect(ABC):
         """
         return True
 
+    def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
+        """Return whether signals of this range can show the effect at all.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model to extend.
+        scales : Scales
+            Magnitudes of the signals.
+
+        Returns
+        -------
+        bool
+            True by default; if False, a diagnosis does not try it.
+        """
+        return True
+
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Return sensible limits for a fit of the effect's parameters.
@@ -254,7 +276,24 @@ class Effect(ABC):
         >>> CoulombFriction.title("omega"), InputBias.title("torque")
         ('Coulomb friction on omega', 'input bias of torque')
         """
-        return cls.phrase.format(effect=cls.id.replace("_", " "), target=target)
+        named = isinstance(target, PortName)
+        phrase = re.sub(r" (on|at) (?={target})", " at the ", cls.phrase) if named else cls.phrase
+        return phrase.format(effect=cls.id.replace("_", " "), target=target)
+
+    def summarise(self, model: PhysicsModel) -> str:
+        """Return a sentence with the fitted values, where that says more than `summary`.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The extended model.
+
+        Returns
+        -------
+        str
+            The sentence; empty by default.
+        """
+        return ""
 
     @classmethod
     def size_field(cls) -> str:
@@ -461,7 +500,7 @@ class Effect(ABC):
         if taken:
             raise ModelError(f"{self.id}: the model already has a parameter {taken[0]!r}.")
         symbols = {key: symbol(name) for key, name in self.names().items()}
-        changes = self.rewrite(model, symbols)
+        changes = {"ports": model.kept_ports, **self.rewrite(model, symbols)}
         parameters = {**changes.pop("parameters", model.parameters), **new}
         return model.replace(parameters=parameters, **changes)
 

@@ -45,6 +45,8 @@ FUNCTIONS = {
 }
 _SEVERAL_ARGUMENTS = {"atan2": (2, 2), "max": (2, 20), "min": (2, 20)}
 CONSTANTS = {"pi": sympy.pi}
+#: what stands for the rate of a state in an output, as in der(v)
+RATE = "der"
 _UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 #: operators of Python that an equation may not use
 _OTHER_SIGNS = {
@@ -63,6 +65,8 @@ _OTHER_SIGNS = {
 _CHAINS = {ast.Add: sympy.Add, ast.Sub: sympy.Add, ast.Mult: sympy.Mul, ast.Div: sympy.Mul}
 #: longest text and deepest nesting an equation may have
 MAX_LENGTH, MAX_DEPTH, MAX_EXPONENT = 10_000, 60, 100
+#: longest text of an expression that was derived, such as a rate by a mass matrix
+MAX_DERIVED = 200_000
 #: most factors with quantities in a product
 MAX_FACTORS = 60
 #: most bits a whole number may need after it is raised to a power
@@ -82,6 +86,8 @@ def parse_expression(
     names: Collection[str],
     where: str = "expression",
     external: Mapping[str, type[External]] = MappingProxyType({}),
+    let: Mapping[str, sympy.Expr] = MappingProxyType({}),
+    longest: int = MAX_LENGTH,
 ):
     """Turn the text of an equation into a SymPy expression.
 
@@ -95,6 +101,10 @@ def parse_expression(
         Description of the text that is parsed, for error messages.
     external : mapping of str to type, default={}
         Further functions by name, see `sklearn_pgnn.physics.external`.
+    let : mapping of str to sympy.Expr, default={}
+        Names that stand for an expression.
+    longest : int, default=MAX_LENGTH
+        Most characters.
 
     Returns
     -------
@@ -113,8 +123,8 @@ def parse_expression(
     -k*x/m
     """
     text = str(text).strip()
-    if len(text) > MAX_LENGTH:
-        raise ModelError(f"{where}: expected at most {MAX_LENGTH} characters, got {len(text)}.")
+    if len(text) > longest:
+        raise ModelError(f"{where}: expected at most {longest} characters, got {len(text)}.")
     try:
         tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -123,7 +133,7 @@ def parse_expression(
             f"{where}: {_short(text)} is not an arithmetic expression (column {column})."
         ) from None
     try:
-        return _Translator(text, names, where, external).expression(tree.body)
+        return _Translator(text, names, where, external, let).expression(tree.body)
     except RecursionError:
         raise ModelError(f"{where}: {_short(text)} is nested too deeply.") from None
 
@@ -156,15 +166,27 @@ def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "
     >>> standard_form(x + 1, ("x",)) == symbol("x") + 1
     True
     """
-    held = {same_name(each.name) for each in expression.free_symbols - {TIME}}
-    own = tuple(name for name in names if same_name(name) in held)
+    known, held = _by_same_name(names), _held(expression)
+    own = tuple(known[name] for name in held if name in known)
     return _reread(expression, own if len(own) == len(held) else names, where)
 
 
-@lru_cache(maxsize=2048)
+@lru_cache(maxsize=128)
+def _by_same_name(names: tuple[str, ...]) -> dict[str, str]:
+    return {same_name(name): name for name in names}
+
+
+@lru_cache(maxsize=16384)
+def _held(expression: sympy.Expr) -> tuple[str, ...]:
+    """Return the names in an expression: SymPy walks through it for them."""
+    return tuple(sorted(same_name(each.name) for each in expression.free_symbols - {TIME}))
+
+
+@lru_cache(maxsize=16384)
 def _reread(expression: sympy.Expr, names: tuple[str, ...], where: str):
     external = {call.func.__name__: call.func for call in expression.atoms(External)}
-    return parse_expression(_RereadPrinter().doprint(expression), names, where, external)
+    text = _RereadPrinter().doprint(expression)
+    return parse_expression(text, names, where, external, longest=MAX_DERIVED)
 
 
 def same_name(name: str) -> str:
@@ -212,8 +234,8 @@ def _tower(expression: sympy.Expr) -> float:
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
-    def __init__(self, text: str, names: Collection[str], where: str, external=()):
-        self.text = text
+    def __init__(self, text: str, names: Collection[str], where: str, external=(), let=()):
+        self.text, self.let, self.room = text, dict(let), MAX_LENGTH
         self.functions: dict[str, Callable] = {**FUNCTIONS, **dict(external)}
         self.names = {same_name(name): name for name in names}
         self.where = where
@@ -335,6 +357,8 @@ class _Translator:
 
     def call(self, node, depth):
         name = node.func.id if isinstance(node.func, ast.Name) else None
+        if name == RATE:
+            return self.rate(node)
         if name not in self.functions or node.keywords:
             self.refuse(
                 node,
@@ -359,10 +383,31 @@ class _Translator:
             return CONSTANTS[node.id]
         if node.id == "t":
             return TIME
+        if node.id in self.let:
+            return self.written_out(node, node.id)
         if node.id not in self.names:
-            known = ", ".join(sorted(self.names.values())) or "none"
+            known = (
+                ", ".join(sorted(filter(str.isidentifier, {*self.names.values(), *self.let})))
+                or "none"
+            )
             self.refuse(node, f"unknown name {node.id!r}; known names are {known}")
         return symbol(self.names[node.id])
+
+    def rate(self, node) -> sympy.Expr:
+        """Return the rate of a state, written der(v)."""
+        name = ast.unparse(node) if len(node.args) == 1 and not node.keywords else ""
+        if name not in self.let:
+            self.refuse(
+                node, f"{self.quote(node)} is not the rate of a state; only an output may have one"
+            )
+        return self.written_out(node, name)
+
+    def written_out(self, node, name: str) -> sympy.Expr:
+        """Return what a name stands for; names in names in names may stand for a lot."""
+        self.room -= sum(1 for _ in sympy.preorder_traversal(self.let[name]))
+        if self.room < 0:
+            self.refuse(node, f"expected at most {MAX_LENGTH} operands when written out, got more")
+        return self.let[name]
 
     def number(self, node, depth):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):

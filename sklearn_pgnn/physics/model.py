@@ -5,7 +5,7 @@ the outputs and ``p`` the parameters; the last axis of an array is the quantity,
 are samples.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -15,15 +15,27 @@ import sympy
 
 from sklearn_pgnn.annotations import ArrayLike, FilePath
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.channel_kinds import check_channels
+from sklearn_pgnn.physics.declared_ports import Ports, declared_in, read_let, read_ports
 from sklearn_pgnn.physics.expressions import (
+    RATE,
     TIME,
     symbol,
     to_text,
 )
 from sklearn_pgnn.physics.external import external_functions, require_equations
+from sklearn_pgnn.physics.lagrangian import lagrangian_parts
+from sklearn_pgnn.physics.mass_matrix import (
+    BALANCES,
+    balanced_changes,
+    check_balance,
+    check_matrix,
+    solved_rates,
+)
 from sklearn_pgnn.physics.model_parts import (
     ENERGY_PARTS,
-    as_expression,
+    EXPRESSIONS,
+    as_expressions,
     as_mapping,
     as_parameters,
     as_simulation,
@@ -37,10 +49,13 @@ from sklearn_pgnn.physics.model_parts import (
     check_names,
     check_settled,
     check_size,
+    entries_changed,
     parameter_dict,
+    texts,
 )
 from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import Parameter, check_name
+from sklearn_pgnn.physics.port import Port, with_coefficients
 from sklearn_pgnn.readings import reading
 
 
@@ -58,18 +73,31 @@ class PhysicsModel:
     states : mapping of str to str
         State names and their units, in order.
     equations : mapping of str to str or sympy.Expr
-        Right-hand side of every state, over states, inputs, parameters and the time ``t``.
+        Right-hand side of every state, over states, inputs, parameters and the time ``t``; of
+        states with `forces` or `flows` it follows from these.
     parameters : mapping of str to Parameter, dict or float, or iterable of Parameter, default={}
         The constants of the equations.
     inputs : mapping of str to str, default={}
         Input names and their units.
     outputs : mapping of str to str or sympy.Expr, default: every state under its own name
-        What the sensors measure, as expressions of states and inputs.
+        What the sensors measure, as expressions of states and inputs; ``der(v)`` stands for the
+        rate of a state.
     name : str, default="model"
         Name of the model.
-    inertia : mapping of str to str or sympy.Expr, default={}
+    inertia : mapping of str to str, sympy.Expr or list of them, default={}
         For a state that is a velocity, the mass or inertia that multiplies its rate; effects on
-        this rate are then forces or torques.
+        this rate are then forces or torques. For velocities that act on each other, the rows of
+        the mass matrix :math:`M`, with an entry for every velocity that has a row, in their order.
+    forces : mapping of str to str or sympy.Expr, default={}
+        For velocities with an inertia, the sum of forces or torques :math:`F`, in place of an
+        equation: :math:`M \dot v = F`.
+    capacity : mapping of str to str, sympy.Expr or list of them, default={}
+        For a state that tells the content of a store (a temperature, a level, a pressure, a
+        voltage, a current), the capacity :math:`C` that multiplies its rate, or the rows of a
+        matrix.
+    flows : mapping of str to str or sympy.Expr, default={}
+        For states with a capacity, the sum of what flows in, in place of an equation:
+        :math:`C \dot T = Q`.
     energy : mapping, default={}
         ``stored`` [J], ``supplied`` [W] and ``dissipated`` [W] as expressions.
     delays : mapping of str to str, default={}
@@ -77,21 +105,37 @@ class PhysicsModel:
     initial_state : mapping of str to float, default: zeros
         State at the start of a trajectory that does not give its own.
     settled : mapping of str to str, default={}
-        For a state that follows an input, such as that of an actuator, the name of that input: a
-        trajectory that does not give such a state starts it at the input's first value.
+        For a state that follows an input, such as that of an actuator, or another state, as a wall
+        follows the air, the name of that one: a trajectory that does not give such a state starts
+        it at the first value of the other.
     columns : mapping of str to str, default={}
         Column name of a quantity (also of ``t`` and ``trajectory``) in a table, where it is not the
         quantity's own name.
+    channels : mapping of str to str, default={}
+        What is known of an input (``"commanded"`` or ``"measured"``) or of the sensor of an output
+        (``"encoder"``, ``"thermocouple"`` and others, see :ref:`channels`): a diagnosis looks only
+        for faults that it can have. By default for all.
     simulation : mapping, default={}
         How the model is to be simulated: ``hold`` (``"zoh"`` or ``"foh"``, whether inputs are
         held or linearly interpolated between samples), ``substeps``, the number of integration
         steps per sample interval, and their ``method`` (``"rk4"``, or ``"rosenbrock"`` for stiff
         models).
+    let : mapping of str to str or sympy.Expr, default={}
+        Shared subexpressions: their names may stand in all equations and in those below them, and
+        are written out when the model is made.
+    ports : mapping of str to mapping or Port, default={}
+        Where something can act, by name: the ``effort`` (an input, a name of `let`, or a name that
+        only the equations have: nobody applies it, and it is 0) and its conjugate ``flow``, a state
+        or a difference of two; optionally the ``displacement`` and the effort's ``unit``. In place
+        of the effort, ``rates`` and ``outputs`` may give its coefficients. The model has those that
+        it finds as well, see `port`.
 
     Raises
     ------
     ModelError
-        If a name is used twice or unknown, an equation is missing or cannot be parsed.
+        If a name is used twice or unknown, an equation is missing or cannot be parsed, a mass
+        matrix is not symmetric, or singular, or a port's effort is in no equation or enters one not
+        linearly.
 
     Examples
     --------
@@ -101,21 +145,38 @@ class PhysicsModel:
     >>> print(model.to_text())
     x' = v
     v' = (F - k*x)/m
+
+    A trolley with a hanging load, by its mass matrix:
+
+    >>> crane = PhysicsModel(
+    ...     states={"x": "m", "q": "rad", "v": "m/s", "w": "rad/s"}, inputs={"F": "N"},
+    ...     parameters={"M": 5.0, "m": 2.0, "l": 1.5, "g": 9.81},
+    ...     equations={"x": "v", "q": "w"},
+    ...     inertia={"v": ["M + m", "m*l*cos(q)"], "w": ["m*l*cos(q)", "m*l**2"]},
+    ...     forces={"v": "F + m*l*w**2*sin(q)", "w": "-m*g*l*sin(q)"})
+    >>> print(crane.equations["w"])
+    (-g*(M + m)*sin(q) - (F + l*m*w**2*sin(q))*cos(q))/(l*(M - m*cos(q)**2 + m))
     """
 
     states: Mapping[str, str]
-    equations: Mapping[str, sympy.Expr]
+    equations: Mapping[str, sympy.Expr] = field(default_factory=dict)
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, Any] = field(default_factory=dict)
     name: str = "model"
-    inertia: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    inertia: Mapping[str, Any] = field(default_factory=dict)
+    forces: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    capacity: Mapping[str, Any] = field(default_factory=dict)
+    flows: Mapping[str, sympy.Expr] = field(default_factory=dict)
     energy: Mapping[str, sympy.Expr] = field(default_factory=dict)
     delays: Mapping[str, str] = field(default_factory=dict)
     initial_state: Mapping[str, float] = field(default_factory=dict)
     settled: Mapping[str, str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
+    channels: Mapping[str, str] = field(default_factory=dict)
     simulation: Mapping[str, Any] = field(default_factory=dict)
+    let: Mapping[str, Any] = field(default_factory=dict)
+    ports: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self):
         states = as_units("states", self.states)
@@ -125,46 +186,48 @@ class PhysicsModel:
             raise ModelError("expected at least one state, got none.", ("states",))
         check_names(states, inputs, parameters)
         check_size(states, parameters)
-        check_keys("equations", self.equations, states, complete=True)
-        check_keys("inertia", self.inertia, states)
+        for part in ("equations", *BALANCES, *BALANCES.values(), "initial_state"):
+            check_keys(part, getattr(self, part), states)
         check_keys("energy", self.energy, ENERGY_PARTS)
         check_keys("delays", self.delays, inputs)
-        check_keys("initial_state", self.initial_state, states)
         check_keys("simulation", self.simulation, ("hold", "substeps", "method"))
         check_settled(self.settled, states, inputs)
         outputs = as_mapping("outputs", self.outputs or {name: name for name in states})
         for output in outputs:
             check_name(output, "output")
-        names = (*states, *inputs, *parameters)
         check_delays(self.delays, parameters)
         check_columns(self.columns, states, inputs, outputs)
-
-        def expressions(part, items):
-            return MappingProxyType(
-                {
-                    key: as_expression(item, names, (part, key))
-                    for key, item in dict(items or {}).items()
-                }
-            )
-
+        names = (*states, *inputs, *parameters)
+        declared = declared_in(self.ports)
+        efforts = read_let(self.let, declared, names, inputs)
+        check_channels(self.channels, inputs, outputs)
+        known = efforts.names(names)
+        given = {part: getattr(self, part) or {} for part in EXPRESSIONS if part != "outputs"}
+        read = {part: as_expressions(part, e, known, efforts.let) for part, e in given.items()}
+        check_inertia(read)
+        for part in BALANCES:
+            check_matrix(part, read[part], parameters)
+        read["equations"] = _all_rates(read, states)
+        rates = {f"{RATE}({state})": rate for state, rate in read["equations"].items()}
+        read["outputs"] = as_expressions("outputs", outputs, known, {**efforts.let, **rates})
         values = {
             "name": as_text(str(self.name), ("name",)),
             "states": MappingProxyType(states),
             "inputs": MappingProxyType(inputs),
             "parameters": MappingProxyType(parameters),
-            "equations": expressions("equations", {s: self.equations[s] for s in states}),
-            "outputs": expressions("outputs", outputs),
-            "inertia": expressions("inertia", self.inertia),
-            "energy": expressions("energy", self.energy),
+            **{part: MappingProxyType(items) for part, items in read.items()},
             "delays": MappingProxyType(dict(self.delays or {})),
             "initial_state": MappingProxyType(
                 {s: as_state(s, dict(self.initial_state or {}).get(s, 0.0)) for s in states}
             ),
             "settled": MappingProxyType(dict(self.settled or {})),
             "columns": MappingProxyType(dict(self.columns or {})),
+            "channels": MappingProxyType(dict(self.channels or {})),
             "simulation": MappingProxyType(as_simulation(self.simulation or {})),
         }
-        check_inertia(values["inertia"])
+        ports = read_ports(declared, values, names, efforts)
+        values |= {part: efforts.settled(values[part], names) for part in EXPRESSIONS}
+        values |= {"let": MappingProxyType({}), "ports": Ports(ports, self)}
         for key, value in values.items():
             object.__setattr__(self, key, value)
 
@@ -187,6 +250,53 @@ class PhysicsModel:
         """
         pairs = self.kinematic_pairs.items()
         return {v: position for v, position in pairs if self.equations[position] == symbol(v)}
+
+    def port(self, name: str) -> Port:
+        """Return a port of the model: a declared one, or one that it has without saying so.
+
+        Every velocity is a port, with its `inertia`, and so is every other state that is no
+        position. A declared port takes the place of one with the same flow.
+
+        Parameters
+        ----------
+        name : str
+            Its name; that of a state for a port that is not declared.
+
+        Returns
+        -------
+        Port
+            The port.
+
+        Raises
+        ------
+        ModelError
+            If the model has no such port.
+
+        Examples
+        --------
+        >>> elbow = {"effort": "tau", "flow": "w"}
+        >>> arm = PhysicsModel({"q": "rad", "w": "rad/s"}, {"q": "w", "w": "(tau - d*w)/J"},
+        ...                    {"J": 2.0, "d": 0.1}, {"tau": "N m"}, ports={"elbow": elbow})
+        >>> arm.port("elbow").rates, arm.port("elbow").displacement
+        ({'w': 1/J}, q)
+        """
+        if name not in self.ports:
+            raise ModelError(
+                f"expected a port among {', '.join(self.ports) or 'none'}, got {name!r}. Remedy: "
+                f"declare it in 'ports'.",
+                ("ports",),
+            )
+        return self.ports[name]
+
+    @property
+    def declared_ports(self) -> dict[str, Port]:
+        """Ports that the model declares."""
+        return declared_in(self.ports)
+
+    @property
+    def kept_ports(self) -> dict[str, Port]:
+        """Ports that a model made from this one keeps, since it could not find them again."""
+        return self.ports.kept  # type: ignore[attr-defined]
 
     @property
     def is_autonomous(self) -> bool:
@@ -213,8 +323,22 @@ class PhysicsModel:
 
     @property
     def _external(self):
-        parts = (self.equations, self.outputs, self.inertia, self.energy)
-        return external_functions(one for part in parts for one in part.values())
+        return external_functions(self._expressions)
+
+    @property
+    def _expressions(self) -> tuple[sympy.Basic, ...]:
+        """Every expression of the model."""
+        parts = (expression for part in EXPRESSIONS for expression in getattr(self, part).values())
+        ports = self.declared_ports.values()
+        return (*parts, *(expression for port in ports for expression in port.expressions()))
+
+    def _given(self) -> dict[str, dict[str, Any]]:
+        """Return the parts that are expressions, without the rates that follow from others."""
+        parts = {part: dict(getattr(self, part)) for part in EXPRESSIONS}
+        for other in BALANCES.values():
+            for name in parts[other]:
+                del parts["equations"][name]
+        return parts
 
     @property
     def free_parameters(self) -> tuple[str, ...]:
@@ -230,10 +354,7 @@ class PhysicsModel:
         >>> PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0, "K": 1.0}).unused_parameters
         ('K',)
         """
-        parts = (self.equations, self.outputs, self.inertia, self.energy)
-        used = {
-            symbol.name for part in parts for each in part.values() for symbol in each.free_symbols
-        }
+        used = {symbol.name for each in self._expressions for symbol in each.free_symbols}
         return tuple(name for name in self.parameters if name not in {*used, *self.delays.values()})
 
     def unit(self, name: str) -> str:
@@ -301,9 +422,29 @@ class PhysicsModel:
         Returns
         -------
         PhysicsModel
-            A new model; this one is unchanged.
+            A new model; this one is unchanged. Where rates are changed that follow from `forces` or
+            `flows`, it has equations in place of these.
         """
-        return replace(self, **changes)
+        return replace(self, **balanced_changes(self, changes))
+
+    def changed(self, change: Callable[[sympy.Expr], sympy.Expr]) -> dict[str, Any]:
+        """Return the parts of the model that hold expressions, every one of them changed.
+
+        Parameters
+        ----------
+        change : callable
+            Takes an expression and returns another.
+
+        Returns
+        -------
+        dict
+            Constructor parameters of `PhysicsModel` and their new values.
+        """
+        parts: dict[str, Any] = {
+            part: entries_changed(change, getattr(self, part)) for part in EXPRESSIONS
+        }
+        ports = self.kept_ports.items()
+        return {**parts, "ports": {name: with_coefficients(port, change) for name, port in ports}}
 
     def with_parameters(self, **values: Any) -> "PhysicsModel":
         """Return the model with other parameter values.
@@ -390,24 +531,21 @@ class PhysicsModel:
 
     def _parts(self) -> dict:
         """Return everything the model states, its expressions as text."""
-
-        def texts(items):
-            return {key: to_text(item) for key, item in items.items()}
-
+        said = {part: texts(items) for part, items in self._given().items()}
         parts = {
             "name": self.name,
             "states": dict(self.states),
             "inputs": dict(self.inputs),
-            "outputs": texts(self.outputs),
+            "outputs": said.pop("outputs"),
             "parameters": {name: parameter_dict(p) for name, p in self.parameters.items()},
-            "equations": texts(self.equations),
-            "inertia": texts(self.inertia),
-            "energy": texts(self.energy),
+            **said,
             "delays": dict(self.delays),
             "initial_state": {s: v for s, v in self.initial_state.items() if v},
             "settled": dict(self.settled),
             "columns": dict(self.columns),
+            "channels": dict(self.channels),
             "simulation": dict(self.simulation),
+            "ports": self.ports.parts(),  # type: ignore[attr-defined]
         }
         return {key: part for key, part in parts.items() if part}
 
@@ -431,15 +569,90 @@ class PhysicsModel:
             If a key is unknown or missing, or an entry is not valid in a model.
         """
         known = [f.name for f in fields(cls)]
-        unknown = [key for key in data if key not in known]
-        missing = [key for key in ("states", "equations") if key not in data]
+        unknown = [key for key in data if key not in (*known, "lagrangian")]
         if unknown:
             raise ModelError(
                 f"unknown key {unknown[0]!r}; expected one of {', '.join(known)}.", (unknown[0],)
             )
-        if missing:
-            raise ModelError(f"expected the key {missing[0]!r}, got {', '.join(data) or 'none'}.")
-        return cls(**data)
+        if "states" not in data:
+            raise ModelError(f"expected the key 'states', got {', '.join(data) or 'none'}.")
+        if "lagrangian" not in data:
+            return cls(**data)
+        others = {key: part for key, part in data.items() if key != "lagrangian"}
+        return cls(**lagrangian_parts(data["lagrangian"], others))
+
+    @classmethod
+    def from_lagrangian(
+        cls,
+        coordinates: Mapping[str, str],
+        kinetic: str | sympy.Expr,
+        potential: str | sympy.Expr = 0,
+        dissipation: str | sympy.Expr = 0,
+        forces: Mapping[str, str | sympy.Expr] | None = None,
+        *,
+        states: Mapping[str, str],
+        **model: Any,
+    ) -> "PhysicsModel":
+        r"""Build a model from its energies.
+
+        .. math:: \frac{d}{dt} \frac{\partial T}{\partial v} - \frac{\partial T}{\partial q}
+                  + \frac{\partial V}{\partial q} + \frac{\partial D}{\partial v} = Q,
+                  \qquad v = \dot q
+
+        Inertia, forces and energy of the model follow: the mass matrix is the Hessian of the
+        kinetic energy, and :math:`T + V` is stored. Without supplied power the model is passive
+        where the dissipated power is nowhere negative.
+
+        Parameters
+        ----------
+        coordinates : mapping of str to str
+            For every coordinate :math:`q` its velocity :math:`v`; both are states.
+        kinetic : str or sympy.Expr
+            Kinetic energy :math:`T` [J] over coordinates, velocities and parameters. In text,
+            ``der(z)`` is the velocity of a place ``z`` of `let`.
+        potential : str or sympy.Expr, default=0
+            Potential energy :math:`V` [J] over coordinates, inputs and parameters.
+        dissipation : str or sympy.Expr, default=0
+            Dissipation function :math:`D` [W]; Rayleigh's for viscous friction, such as
+            ``d*v**2/2``, and ``F*abs(v)`` for Coulomb friction.
+        forces : mapping of str to str or sympy.Expr, default={}
+            By coordinate, the generalised force :math:`Q` [N] or torque [N m], over all quantities.
+        states : mapping of str to str
+            State names and their units, in order.
+        **model
+            Further constructor parameters; `equations` for states that are no coordinates.
+
+        Returns
+        -------
+        PhysicsModel
+            The model.
+
+        Raises
+        ------
+        ModelError
+            If an energy contains what it cannot, or the kinetic energy leaves a coordinate without
+            inertia.
+
+        Examples
+        --------
+        >>> pendulum = PhysicsModel.from_lagrangian(
+        ...     {"q": "w"}, "m*l**2*w**2/2", "-m*g*l*cos(q)", "d*w**2/2", {"q": "M"},
+        ...     states={"q": "rad", "w": "rad/s"}, inputs={"M": "N m"},
+        ...     parameters={"m": 2.0, "l": 1.5, "g": 9.81, "d": 0.1})
+        >>> print(pendulum.to_text())
+        q' = w
+        w' = (M - d*w - g*l*m*sin(q))/(l**2*m)
+        >>> print(*pendulum.energy.values(), sep="; ")
+        -g*l*m*cos(q) + l**2*m*w**2/2; M*w; d*w**2
+        """
+        section = {
+            "coordinates": coordinates,
+            "kinetic": kinetic,
+            "potential": potential,
+            "dissipation": dissipation,
+            "forces": forces,
+        }
+        return cls(**lagrangian_parts(section, {"states": states, **model}))
 
     @classmethod
     def from_yaml(cls, path: FilePath) -> "PhysicsModel":
@@ -508,8 +721,7 @@ class PhysicsModel:
     def __getstate__(self):
         if not self._external:
             return self._parts()
-        called = ("equations", "outputs", "inertia", "energy")
-        return self._parts() | {part: dict(getattr(self, part)) for part in called}
+        return self._parts() | self._given() | {"ports": self.declared_ports}
 
     def __setstate__(self, state):
         self.__init__(**state)
@@ -549,6 +761,16 @@ class PhysicsModel:
 
     def _repr_latex_(self) -> str:
         return reading("model_latex")(self)
+
+
+def _all_rates(read, states) -> dict[str, sympy.Expr]:
+    """Return the rates of all states: those given, and those that follow from a balance."""
+    rates = dict(read["equations"])
+    for part, other in BALANCES.items():
+        check_balance(part, read[part], read[other], rates)
+        rates |= solved_rates(read[part], read[other])
+    check_keys("equations", rates, states, complete=True)
+    return {state: rates[state] for state in states}
 
 
 @lru_cache(maxsize=1024)

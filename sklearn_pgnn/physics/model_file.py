@@ -20,6 +20,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from sklearn_pgnn.exceptions import ModelError, ModelWarning, UnitWarning
+from sklearn_pgnn.physics.lagrangian import SECTION
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import is_text
 from sklearn_pgnn.physics.unit_check import check_units, unknown_units
@@ -28,8 +29,6 @@ from sklearn_pgnn.whole_file import is_stream, write_whole
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
-#: doubts of one kind that are told of one entry of a file
-MOST_TOLD = 5
 #: characters of a text that an error message shows
 SHOWN = 60
 _PLAIN_TAGS = {
@@ -128,21 +127,25 @@ class _Reader:
         self.refuse_at(mark, why)
 
     def refuse_at(self, mark, why: str) -> NoReturn:
-        line, column = (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+        line, column = (1, 1) if mark is None else _line_and_column(mark)
         raise ModelError(f"{self.path}:{line}:{column}: {' '.join(why.split())}") from None
 
     def model(self) -> PhysicsModel:
         data = self.document(self.root())
         try:
-            model = PhysicsModel(**data)
+            model = PhysicsModel.from_dict(data)
         except ModelError as error:
-            place = self.places.get(error.where) or self.places.get(error.where[:1])
-            self.refuse(place, str(error))
+            self.refuse(self.place(error.where), str(error))
         self.warn_of_unused(model.unused_parameters)
         self.warn(UnitWarning, unknown_units(model), "correct it, or leave it out")
         remedy = "correct the term, or the unit of what is in it"
         self.warn(UnitWarning, check_units(model), remedy)
         return model
+
+    def place(self, where: tuple[str, ...]) -> Node | None:
+        """Return the node of a key, or of the part that it is in, or follows from."""
+        tried = [where[:length] for length in range(len(where), 0, -1)]
+        return next((self.places[w] for w in (*tried, ("lagrangian",)) if w in self.places), None)
 
     def warn_of_unused(self, names: tuple[str, ...]) -> None:
         """Warn of parameters without an effect, of many at once."""
@@ -151,18 +154,12 @@ class _Reader:
         self.warn(ModelWarning, said, "write it into an equation, or leave it out")
 
     def warn(self, kind: type[ModelWarning], sentences: Iterable[str], remedy: str) -> None:
-        """Warn of what is doubtful, with its line and the remedy; a few times an entry."""
-        entries: dict[str, list[str]] = {}
+        """Warn of what is doubtful, with its line and the remedy."""
         for said in sentences:
-            entries.setdefault(said.split(":")[0], []).append(said)
-        for entry, of_it in entries.items():
-            mark = self.places[tuple(entry.split("."))].start_mark
-            place = f"{self.path}:{mark.line + 1}:{mark.column + 1}"
-            left = len(of_it) - MOST_TOLD
-            for said in of_it[:MOST_TOLD]:
-                warn_user(f"{place}: {said} Remedy: {remedy}.", kind)
-            if left > 0:
-                warn_user(f"{place}: {entry}: {left} more of this kind. Remedy: {remedy}.", kind)
+            where = tuple(said.split(":")[0].split("."))
+            node = self.place(where)
+            line, column = (1, 1) if node is None else _line_and_column(node.start_mark)
+            warn_user(f"{self.path}:{line}:{column}: {said} Remedy: {remedy}.", kind)
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)
@@ -202,7 +199,9 @@ class _Reader:
                 expected = ", ".join(_SECTIONS)
                 self.refuse(self.places[(key,)], f"unknown key {key!r}; expected {expected}.")
             data[key] = _SECTIONS[key](self, value, key)
-        for key in ("states", "equations"):
+        balances = ("lagrangian", "forces", "flows")
+        needed = ("states",) if any(map(data.get, balances)) else ("states", "equations")
+        for key in needed:
             if not data.get(key):
                 self.refuse(self.places.get((key,), root), f"expected {key!r}, got none.")
         data.setdefault("parameters", {})
@@ -307,6 +306,29 @@ class _Reader:
     def texts(self, node, part):
         return self.section(node, part, self.text_of)
 
+    def rows(self, node, part):
+        return self.section(node, part, self.text_or_row)
+
+    def text_or_row(self, node, what) -> str | list[str]:
+        if not isinstance(node, SequenceNode):
+            return self.text_of(node, what)
+        return [self.text_of(item, what) for item in self.list_of(node, what)]
+
+    def lagrangian(self, node, part):
+        found = {}
+        for key, value in self.items(node, part, (part,)):
+            if key not in SECTION:
+                expected = ", ".join(SECTION)
+                self.refuse(self.places[part, key], f"unknown key {key!r}; expected {expected}.")
+            nested = key in ("coordinates", "forces")
+            found[key] = self.nested(value, part, key) if nested else self.text_of(value, key)
+        return found
+
+    def nested(self, node, part, key) -> dict[str, str]:
+        """Read a mapping within a section."""
+        entries = self.items(node, f"{part}.{key}", (part, key))
+        return {name: self.text_of(value, f"{part}.{key}.{name}") for name, value in entries}
+
     def numbers(self, node, part):
         return self.section(node, part, self.finite)
 
@@ -346,6 +368,20 @@ class _Reader:
             self.refuse(self.places[("parameters", name)], f"{what}: expected a value, got none.")
         return found
 
+    def ports(self, node, part):
+        return self.section(node, part, self.port)
+
+    def port(self, node, what) -> dict:
+        found, name = {}, what.split(".", 1)[1]
+        for key, value in self.items(node, what, ("ports", name)):
+            read = self.texts_of if key in ("rates", "outputs") else self.text_of
+            found[key] = read(value, f"{what}.{key}")
+        return found
+
+    def texts_of(self, node, what) -> dict:
+        place = tuple(what.split("."))
+        return {key: self.text_of(n, f"{what}.{key}") for key, n in self.items(node, what, place)}
+
     def bounds(self, node, what) -> tuple[float, ...]:
         numbers = tuple(self.number(item, what) for item in self.list_of(node, what))
         if len(numbers) != 2:
@@ -360,13 +396,20 @@ _SECTIONS = {
     "outputs": _Reader.outputs,
     "parameters": _Reader.parameters,
     "equations": _Reader.texts,
-    "inertia": _Reader.texts,
+    "inertia": _Reader.rows,
+    "forces": _Reader.texts,
+    "capacity": _Reader.rows,
+    "flows": _Reader.texts,
+    "lagrangian": _Reader.lagrangian,
     "energy": _Reader.texts,
     "delays": _Reader.texts,
     "initial_state": _Reader.numbers,
     "settled": _Reader.texts,
     "columns": _Reader.texts,
+    "channels": _Reader.texts,
     "simulation": _Reader.simulation,
+    "let": _Reader.texts,
+    "ports": _Reader.ports,
 }
 _PARAMETER = {
     "value": _Reader.number,
@@ -375,6 +418,10 @@ _PARAMETER = {
     "fixed": _Reader.truth,
     "spread": _Reader.number,
 }
+
+
+def _line_and_column(mark) -> tuple[int, int]:
+    return mark.line + 1, mark.column + 1
 
 
 def _shown(node: Node) -> str:
@@ -396,18 +443,34 @@ def _written(data: dict) -> CommentedMap:
     for part, content in data.items():
         if part == "name":
             written[part] = content
-        elif part in ("equations", "energy"):
+        elif part in ("equations", "forces", "flows", "energy"):
             written[part] = CommentedMap((key, _quoted(text)) for key, text in content.items())
+        elif part == "ports":
+            written[part] = CommentedMap((key, _flow_of_texts(p)) for key, p in content.items())
         elif part == "parameters":
             written[part] = CommentedMap((key, _flow(p)) for key, p in content.items())
         else:
-            quote = part in ("outputs", "inertia")
-            written[part] = _flow({k: _quoted(v) if quote else v for k, v in content.items()})
+            quote = part in ("outputs", "inertia", "capacity")
+            written[part] = _flow({k: _quoted_row(v) if quote else v for k, v in content.items()})
     return written
+
+
+def _quoted_row(row: str | list[str]) -> str | list[str]:
+    return list(map(_quoted, row)) if isinstance(row, list) else _quoted(row)
 
 
 def _quoted(text: str) -> str:
     return text if text.isidentifier() else DoubleQuotedScalarString(text)
+
+
+def _flow_of_texts(content: dict) -> CommentedMap:
+    """Write the expressions of a port on one line."""
+    return _flow(
+        {
+            key: _flow_of_texts(part) if isinstance(part, dict) else _quoted(part)
+            for key, part in content.items()
+        }
+    )
 
 
 def _flow(content: dict) -> CommentedMap:

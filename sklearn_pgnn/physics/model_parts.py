@@ -1,7 +1,7 @@
 """The parts of a model as they are given: read, and refused where they are not valid."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from numbers import Integral
 from typing import Any
@@ -9,10 +9,17 @@ from typing import Any
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.expressions import parse_expression, same_name, standard_form
+from sklearn_pgnn.physics.expressions import (
+    parse_expression,
+    same_name,
+    standard_form,
+    to_text,
+)
 from sklearn_pgnn.physics.parameter import Parameter, check_name
 
 ENERGY_PARTS = ("stored", "supplied", "dissipated")
+#: parts of a model that map names to expressions, or to rows of them
+EXPRESSIONS = ("equations", "outputs", "inertia", "forces", "capacity", "flows", "energy")
 #: inputs between samples: held, or linearly interpolated
 HOLDS = ("zoh", "foh")
 #: schemes of a step: Runge and Kutta's, and one for stiff models
@@ -23,13 +30,43 @@ MAX_TEXT = 1000
 MAX_SUBSTEPS, MAX_DERIVATIVES = 10_000, 50_000
 
 
-def as_expression(item, names, where) -> sympy.Expr:
-    """Return an equation as an expression of known names."""
-    read = standard_form if isinstance(item, sympy.Expr) else parse_expression
+def as_expression(item, names, where, let: Mapping[str, sympy.Expr] | None = None) -> sympy.Expr:
+    """Return an equation as an expression of known names, and of those that stand for one."""
     try:
-        return read(item, names, ".".join(where))
+        if isinstance(item, sympy.Expr):
+            return standard_form(item, names, ".".join(where))
+        found = parse_expression(item, names, ".".join(where), let=let or {})
+        is_written_out = let and any(name in str(item) for name in let)
+        return standard_form(found, names, ".".join(where)) if is_written_out else found
     except ModelError as error:
         raise ModelError(str(error), where) from None
+
+
+def as_expressions(part, items, names, let) -> dict[str, Any]:
+    """Return a part as expressions of known names; a list of them is a row of a matrix."""
+
+    def entry(item, where):
+        if part in ("inertia", "capacity") and isinstance(item, list | tuple | sympy.Tuple):
+            return sympy.Tuple(*(as_expression(each, names, where, let) for each in item))
+        return as_expression(item, names, where, let)
+
+    return {key: entry(item, (part, key)) for key, item in dict(items).items()}
+
+
+def entries_changed(change: Callable[[sympy.Expr], sympy.Expr], items: Mapping) -> dict[str, Any]:
+    """Return expressions, and those in rows, each of them changed."""
+    return {
+        key: sympy.Tuple(*map(change, item)) if isinstance(item, sympy.Tuple) else change(item)
+        for key, item in items.items()
+    }
+
+
+def texts(items: Mapping[str, sympy.Basic]) -> dict[str, Any]:
+    """Return expressions as text, rows of a matrix as lists."""
+    return {
+        key: [to_text(each) for each in item] if isinstance(item, sympy.Tuple) else to_text(item)
+        for key, item in items.items()
+    }
 
 
 def as_mapping(part, items) -> dict:
@@ -170,23 +207,33 @@ def check_size(states, parameters) -> None:
         )
 
 
-def check_inertia(inertia: Mapping[str, sympy.Expr]) -> None:
-    """Raise `ModelError` where an inertia is zero: a force would have no finite effect."""
-    for state, expression in inertia.items():
-        if expression.is_zero:
-            raise ModelError(
-                f"inertia.{state}: expected what a force is divided by, got zero.",
-                ("inertia", state),
-            )
+def check_inertia(read: Mapping[str, Mapping[str, sympy.Basic]]) -> None:
+    """Raise `ModelError` where an inertia or a capacity is zero, or a state has both."""
+    for part in ("inertia", "capacity"):
+        for state, expression in read[part].items():
+            if getattr(expression, "is_zero", False):
+                what = "a force" if part == "inertia" else "a flow"
+                raise ModelError(
+                    f"{part}.{state}: expected what {what} is divided by, got zero.", (part, state)
+                )
+    both = [state for state in read["inertia"] if state in read["capacity"]]
+    if both:
+        raise ModelError(
+            f"capacity.{both[0]}: the state has an inertia already. Remedy: leave one of them out.",
+            ("capacity", both[0]),
+        )
 
 
 def check_settled(settled, states, inputs) -> None:
-    """Raise `ModelError` unless `settled` maps states to inputs."""
+    """Raise `ModelError` unless `settled` maps states to inputs, or to states that follow none."""
     check_keys("settled", settled, states)
+    allowed = {*inputs, *states} - {*(settled or {})}
     for state, followed in dict(settled or {}).items():
-        if followed not in inputs:
+        if followed not in allowed:
             raise ModelError(
-                f"settled: {state!r} expects an input, got {followed!r}.", ("settled", state)
+                f"settled: {state!r} expects an input, or a state that is not settled itself, got "
+                f"{followed!r}.",
+                ("settled", state),
             )
 
 

@@ -30,7 +30,7 @@ def at_bounds(retuned: PhysicsModel) -> tuple[str, ...]:
     ((), ('k',), ())
     """
     free = ((name, retuned.parameters[name]) for name in retuned.free_parameters)
-    return tuple(name for name, p in free if p.value and p.value in p.bounds)
+    return tuple(n for n, p in free if p.value and np.isclose(p.value, p.bounds, 1e-6, 0.0).any())
 
 
 def _is_at_an_end(name: str, prior: PhysicsModel, retuned: PhysicsModel) -> bool:

@@ -7,7 +7,9 @@ import sympy
 
 from sklearn_pgnn.physics.expressions import TIME, to_text
 from sklearn_pgnn.physics.external import External
+from sklearn_pgnn.physics.mass_matrix import BALANCES, coupled
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port
 from sklearn_pgnn.physics.units import is_like, no_unit, product, read_unit, unit_text
 
 if TYPE_CHECKING:
@@ -47,13 +49,17 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
     equations.v: the term -d*v is in N/s, expected N.
     """
     check = _Check(model)
+    for part, other in BALANCES.items():
+        check.ask_balance(part, getattr(model, part), other, getattr(model, other))
     for state, rate in model.equations.items():
-        unit = check.table.get(state)
-        check.ask(f"equations.{state}", rate, None if unit is None else unit / read_unit("s"))
+        if state not in model.forces and state not in model.flows:
+            check.ask(f"equations.{state}", rate, check.of_rate(state))
     for output, shown in model.outputs.items():
         check.ask(f"outputs.{output}", shown, None)
     for part, expression in model.energy.items():
         check.ask(f"energy.{part}", expression, None)
+    for name, port in model.declared_ports.items():
+        check.ask_power(f"ports.{name}", port)
     for name, delay in model.delays.items():
         check.ask(f"delays.{name}", sympy.Symbol(delay, real=True), read_unit("s"))
     return tuple(dict.fromkeys(check.said))
@@ -100,6 +106,31 @@ class _Check:
         self.table[str(TIME)] = read_unit("s")
         self.said: list[str] = []
 
+    def of_rate(self, state: str) -> "Quantity | None":
+        """Return what the rate of a state measures."""
+        unit = self.table.get(state)
+        return None if unit is None else unit / read_unit("s")
+
+    def ask_balance(self, part: str, inertia, other: str, forces) -> None:
+        """Check forces, and the rows of a matrix, against the entry on the diagonal."""
+        rows = coupled(inertia)
+        for state, entry in inertia.items():
+            row = dict(zip(rows, entry, strict=True)) if state in rows else {state: entry}
+            force = self.product_of(row[state], state)
+            for column, coefficient in row.items():
+                rate, where = self.of_rate(column), f"{part}.{state}"
+                expected = None if force is None or rate is None else force / rate
+                self.ask(where, coefficient, expected)
+            if state in forces:
+                self.ask(f"{other}.{state}", forces[state], force)
+
+    def product_of(self, inertia: sympy.Expr, state: str) -> "Quantity | None":
+        """Return what an inertia times the rate of a state measures."""
+        if inertia.is_number or not _is_bare(inertia):
+            return None
+        mass, rate = self.measure(inertia), self.of_rate(state)
+        return None if mass is None or rate is None else mass * rate
+
     def ask(self, where: str, expression, expected: "Quantity | None") -> None:
         """Record every term of an expression that differs from the expected measure."""
         if expression.is_number:
@@ -111,6 +142,17 @@ class _Check:
         else:
             self.compare(where, expression, expected)
             self.ask_inside(where, expression)
+
+    def ask_power(self, where: str, port: Port) -> None:
+        """Record an effort that makes no power with its flow; a heat flow is one already."""
+        effort, flow, power = read_unit(port.unit), self.measure(port.flow), read_unit("W")
+        if not port.unit or effort is None or flow is None or is_like(effort, power):
+            return
+        if not is_like(effort * flow, power):
+            self.said.append(
+                f"{where}: the effort in {port.unit} times the flow {_short(port.flow)} in "
+                f"{unit_text(flow)} is no power."
+            )
 
     def ask_terms(self, where, expression, expected) -> None:
         """Check every term of a sum or a bound; by default against what most of them measure."""

@@ -37,22 +37,6 @@ def find_drift(
     it leaves above the noise. The parameter with the largest
     :math:`\sum_r ((p_r - \bar p)/\sigma_r)^2` is named.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    names : sequence of str
-        What the records are called.
-    base, final : WindowFit
-        The re-tuned prior and the extended model.
-    each_step : callable, optional
-        Called before every step of a fit.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
-
     References
     ----------
     .. [1] G. C. Chow, "Tests of equality between sets of coefficients in two linear regressions",

@@ -91,10 +91,11 @@ def _parts(model: PhysicsModel):
     """Yield the name, the slopes and the values of what may be off: parameters first."""
     for name in model.free_parameters:
         yield name, _slopes(model, name)
+    moving = {*model.states, *model.ports}
     for effect in CATALOGUE:
         for target in effect.targets(model):
             names = tuple(effect(target).names().values())
-            if target in model.states and len(names) == 1 and names[0] not in model.parameters:
+            if target in moving and len(names) == 1 and names[0] not in model.parameters:
                 extended = effect(target).apply(model)
                 slopes = _slopes(extended, names[0])
                 if extended.states == model.states and not any(

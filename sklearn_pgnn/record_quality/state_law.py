@@ -110,24 +110,7 @@ class StateRegression:
         return None
 
     def judge(self, u: np.ndarray, x: np.ndarray, law: StateLaw, known=True) -> StateLaw:
-        """Return a law of the same states with the held-out errors that it makes of an input.
-
-        Parameters
-        ----------
-        u : ndarray of shape (n_samples,)
-            The input.
-        x : ndarray of shape (n_samples, n_states)
-            The states.
-        law : StateLaw
-            States, regression and lag.
-        known : ndarray of bool of shape (n_samples,), optional
-            Samples that count; by default all.
-
-        Returns
-        -------
-        StateLaw
-            The law; one that tells nothing of an input that does not change, or in a single window.
-        """
+        """Return a law of the same states with the held-out errors that it makes of an input."""
         kept = np.broadcast_to(known, u.shape)[self.rows]
         rows, fold, window = self.rows[kept], self.fold[kept], self.window[kept]
         target = u[rows]

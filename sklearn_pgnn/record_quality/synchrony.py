@@ -22,20 +22,6 @@ def find_early_output(
     The re-tuned prior is fitted with its inputs moved to earlier samples, held or straight in
     between. It must then do better than the extended model, by more than chance, and leave little
     but white noise: earlier inputs also make up for a model that is too slow.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    base, final : WindowFit
-        The re-tuned prior and the extended model.
-    each_step : callable, optional
-        Called before every step of a fit.
-
-    Returns
-    -------
-    Finding or None
-        What was found.
     """
     if not problem.prior.inputs:
         return None

@@ -6,7 +6,8 @@ without any model, a wiring makes the model follow the records where the given o
 
 .. math:: \min(e_0, e_n) > 3 e
 
-for an output, and no output is told worse. A given wiring that leaves about noise is not doubted.
+for an output, and no output is told worse. A given wiring that leaves about noise is not doubted,
+and neither are the channels of a joint whose torque agrees with inverse dynamics.
 """
 
 import math
@@ -22,21 +23,11 @@ import numpy as np
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
 from sklearn_pgnn.exceptions import RecordError
-from sklearn_pgnn.physics.effects.wiring import (
-    ExchangedInputs,
-    ExchangedOutputs,
-    Factor,
-    InputFactor,
-    OtherClock,
-    OutputFactor,
-    ReversedInput,
-    ReversedOutput,
-    ReversedTerm,
-    Wiring,
-)
+from sklearn_pgnn.physics.effects.wiring import WIRINGS, Factor, OutputFactor, Wiring
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.joint_torques import told_by_torques, touches
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.record_windows import noise_levels, window_records
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, fit_windows
@@ -58,17 +49,6 @@ SAMPLES = 3000
 STEPS, TOLERANCE = 12, 1e-3
 #: factors that are tried lie so near to that between the spreads of records and simulation
 NEAR = 5.0
-#: kinds in the order in which they are named where several explain the records alike
-KINDS: tuple[type[Wiring], ...] = (
-    ReversedOutput,
-    ReversedInput,
-    ExchangedOutputs,
-    ExchangedInputs,
-    OutputFactor,
-    InputFactor,
-    OtherClock,
-    ReversedTerm,
-)
 
 
 @dataclass(frozen=True)
@@ -119,7 +99,9 @@ def find_wiring(
     trials = _Trials(model, some, levels, each_step)
     if not trials.doubts:
         return None
-    tried = {wiring: trials.fitted(wiring) for wiring in _wirings(trials)}
+    right = told_by_torques(model, some, levels)
+    open_ = (wiring for wiring in _wirings(trials) if not touches(wiring, right))
+    tried = {wiring: trials.fitted(wiring) for wiring in open_}
     told = {wiring: fit for wiring, fit in tried.items() if trials.tells(fit)}
     if not told:
         return None
@@ -145,11 +127,16 @@ def _alike(model: PhysicsModel, told: "dict[Wiring, _Fit]") -> list[Wiring]:
 
 
 def _wirings(trials: "_Trials") -> Iterator[Wiring]:
-    """Yield the wirings that are tried: of the factors only those that may be."""
-    for kind in KINDS:
+    """Yield the wirings that are tried: of the factors only those that may be.
+
+    What shows in an output that the model as given follows is wired right.
+    """
+    for kind in WIRINGS:
         for target in kind.targets(trials.model):
             wiring = kind(target)
-            if not isinstance(wiring, OutputFactor | InputFactor) or trials.may_be(wiring):
+            if trials.follows(wiring):
+                continue
+            if not isinstance(wiring, Factor) or trials.may_be(wiring):
                 yield wiring
 
 
@@ -198,6 +185,12 @@ class _Trials:
         """Whether so much is left that a wiring may be wrong."""
         return bool((self.before > CLEARLY * FOLLOWS).any())
 
+    def follows(self, wiring: Wiring) -> bool:
+        """Return whether the model as given follows an output that a wiring would spoil."""
+        followed = self.given < FOLLOWS
+        told = {name for name, is_told in zip(self.model.outputs, followed, strict=True) if is_told}
+        return not told.isdisjoint(wiring.seen_at(self.model))
+
     def fitted(self, wiring: Wiring) -> _Fit:
         """Return the model as rewired."""
         near = isinstance(wiring, Factor)  # a parameter that is far off is a factor, too
@@ -216,13 +209,12 @@ class _Trials:
         clearly = (self.before > CLEARLY * errors).any()
         return bool(clearly and (errors < np.maximum(WORSE * self.given, FOLLOWS)).all())
 
-    def may_be(self, factor: OutputFactor | InputFactor) -> bool:
+    def may_be(self, factor: Factor) -> bool:
         """Return whether the spreads of records and simulation may differ by a factor."""
         known = self._scales[np.isfinite(self._scales)]
         if isinstance(factor, OutputFactor):
             known = self._scales[[list(self.model.outputs).index(factor.quantity)]]
-        size = factor.factor if isinstance(factor, OutputFactor) else 1 / factor.factor
-        off = np.abs(np.log(np.maximum(known, 1e-300) / size))
+        off = np.abs(np.log(np.maximum(known, 1e-300) / factor.of_output))
         return not known.size or bool((~(off > np.log(NEAR))).any())
 
     @cached_property
@@ -280,8 +272,9 @@ class _Trials:
 
 
 def _freedoms(model: PhysicsModel, near: bool) -> tuple[ParameterPrior, ...]:
-    """Let every free parameter vary within its spread, or by a factor, though rather little."""
-    return tuple(_freedom(model, name, near) for name in model.free_parameters)
+    """Let what is free and acts vary within its spread, or by a factor, though rather little."""
+    idle = {*model.unused_parameters}
+    return tuple(_freedom(model, n, near) for n in model.free_parameters if n not in idle)
 
 
 def _freedom(model: PhysicsModel, name: str, near: bool) -> ParameterPrior:

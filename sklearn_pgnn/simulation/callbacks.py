@@ -31,7 +31,9 @@ def addresses_of(function: ExternalFunction) -> tuple[int, int]:
     if function.token not in _KEPT:
         callback = _CALL(_guarded(function))
         python = ctypes.cast(callback, ctypes.c_void_p).value or 0
-        _KEPT[function.token] = callback, (native_function(function).address or python, python)
+        native = native_function(function)
+        address = native.address or python
+        _KEPT[function.token] = callback, (address, address if native.never_fails else python)
     return _KEPT[function.token][1]
 
 

@@ -28,9 +28,12 @@ from sklearn_pgnn.whole_file import PRIVATE, write_whole
 MOST, COUNTED_EVERY = 100_000_000, 500
 #: the code that writes what is kept, in this folder
 _WRITERS = (
+    "../physics/dry_friction.py",
     "disk_cache.py",
+    "linearly_implicit.py",
     "machine_code.py",
     "model_function.py",
+    "reactions.py",
     "source.py",
     "straight_line.py",
 )

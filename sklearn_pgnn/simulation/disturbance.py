@@ -225,13 +225,16 @@ def _take_in(residual, H, variance, s, C, gain, e, gram):
     for c in range(q):
         e[c] = residual[c]
     for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += C[i, j] * H[j]
-        gain[i] = total
-        spread += H[i] * total
+        gain[i] = 0.0
+    for j in range(n):
+        if H[j] == 0.0:
+            continue
+        for i in range(n):
+            gain[i] += C[j, i] * H[j]
         for c in range(q):
-            e[c] -= H[i] * s[i, c]
+            e[c] -= H[j] * s[j, c]
+    for i in range(n):
+        spread += H[i] * gain[i]
     weight = 1.0 / spread
     for a in range(q):
         for b in range(q):
@@ -240,9 +243,8 @@ def _take_in(residual, H, variance, s, C, gain, e, gram):
         share = gain[i] * weight
         for c in range(q):
             s[i, c] += share * e[c]
-        for j in range(i + 1):
-            C[i, j] -= share * gain[j]
-            C[j, i] = C[i, j]
+        for j in range(n):
+            C[i, j] -= weight * (gain[i] * gain[j])
     return spread
 
 
@@ -250,32 +252,45 @@ def _take_in(residual, H, variance, s, C, gain, e, gram):
 def _go_on(F, left, v, s, C, moved, half):
     """Lead the states, in place, to the next sample; a share ``left`` of the hidden input stays.
 
-    Nothing but itself changes the hidden input, the last of the states.
+    Nothing but itself changes the hidden input, the last of the states. Rows are added to rows, so
+    that several numbers are worked on at once; a zero costs nothing.
     """
     n, q = s.shape
     m = n - 1
     for i in range(m):
         for c in range(q):
-            total = 0.0
-            for j in range(n):
-                total += F[i, j] * s[j, c]
-            moved[i, c] = total
+            moved[i, c] = 0.0
         for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += F[i, k] * C[k, j]
-            half[i, j] = total
+            half[i, j] = 0.0
+        for k in range(n):
+            along = F[i, k]
+            if along == 0.0:
+                continue
+            for c in range(q):
+                moved[i, c] += along * s[k, c]
+            for j in range(n):
+                half[i, j] += along * C[k, j]
+    for j in range(n):
+        half[m, j] = 0.0
     for c in range(q):
         for i in range(m):
             s[i, c] = moved[i, c]
         s[m, c] *= left
+    for i in range(n):
+        for j in range(i):
+            half[i, j], half[j, i] = half[j, i], half[i, j]
     for i in range(m):
         for j in range(i + 1):
-            total = 0.0
-            for k in range(n):
-                total += half[i, k] * F[j, k]
-            C[i, j] = C[j, i] = total
-        C[i, m] = C[m, i] = left * half[i, m]
+            C[i, j] = 0.0
+        for k in range(n):
+            along = F[i, k]
+            if along == 0.0:
+                continue
+            for j in range(i + 1):
+                C[i, j] += along * half[k, j]
+        for j in range(i):
+            C[j, i] = C[i, j]
+        C[i, m] = C[m, i] = left * half[m, i]
     C[m, m] = v + left**2 * (C[m, m] - v)
 
 

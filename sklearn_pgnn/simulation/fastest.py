@@ -1,13 +1,20 @@
 r"""How fast a model is: the eigenvalues of its Jacobian along a course of its states."""
 
 import numpy as np
-from numba import boolean, int64, njit, types
+from numba import int64, njit, types
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import FUNCTION, compile_model
 from sklearn_pgnn.simulation.model_function import RATES
-from sklearn_pgnn.simulation.stepping import OPTIONS, counts_between, evaluate, workspace
+from sklearn_pgnn.simulation.stepping import (
+    OPTIONS,
+    counts_between,
+    evaluate,
+    flow_of,
+    signs_of,
+    workspace,
+)
 
 #: most samples at which eigenvalues are taken
 SOME = 128
@@ -17,17 +24,19 @@ SHARE, WIDE, ALIKE = 1e-6, 1e-4, 3.0
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 
 
-@njit(types.void(FUNCTION, _F1, _F2, _F1, _F2, _F1, boolean[::1], int64, _F3), **OPTIONS)
+@njit(types.void(FUNCTION, _F1, _F2, _F1, _F2, _F1, _F2, int64, _F3), **OPTIONS)
 def _fill_jacobians(function, t, u, p, X, widths, dry, size, J):
     """Fill the derivatives of the rates by the states, by differences."""
     nx = X.shape[1]
-    out, _ = workspace(nx, 0, u.shape[1], size)
+    out, _ = workspace(dry, 0, u.shape[1], size)
     x, before, S = np.zeros(nx), np.zeros(nx), np.zeros((nx, 0))
-    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    s, stuck = signs_of(dry)
     for k in range(t.size):
         for i in range(nx):
             x[i] = X[k, i]
-            s[i] = 1.0 if dry[i] and x[i] > 0.0 else (-1.0 if dry[i] and x[i] < 0.0 else 0.0)
+        for i in range(s.size):
+            flow = flow_of(dry[i], x)[0]
+            s[i] = 1.0 if flow > 0.0 else (-1.0 if flow < 0.0 else 0.0)
         evaluate(function, RATES, t[k], x, S, u[k], p, s, stuck, out)
         for i in range(nx):
             before[i] = out[i]
@@ -85,7 +94,7 @@ def _differences(model: PhysicsModel, t, acting, X, share: float) -> np.ndarray:
     J = np.empty((t.size, X.shape[1], X.shape[1]))
     _fill_jacobians(
         function.argument, t, np.ascontiguousarray(acting), p, X,
-        share * np.where(size > 0, size, 1.0), np.array(source.dry), source.size, J,
+        share * np.where(size > 0, size, 1.0), source.dry, source.size, J,
     )  # fmt: skip
     report_calls()
     return J

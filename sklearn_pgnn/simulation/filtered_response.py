@@ -97,7 +97,7 @@ def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
             P0,
             diffusion,
             variance,
-            np.array(source.dry),
+            source.dry,
             windows.substeps,
             source.size,
             filtered[rows],

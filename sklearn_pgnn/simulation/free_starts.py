@@ -80,11 +80,12 @@ def _fitted(
 
 
 def _settled(model: PhysicsModel, values: np.ndarray, are_inputs: bool) -> dict[str, float]:
-    """Return the settled states, from the first inputs or from initial states."""
+    """Return the states that inputs settle, from the first inputs or from initial states."""
     names = list(model.inputs if are_inputs else model.states)
     return {
         state: float(values[names.index(followed if are_inputs else state)])
         for state, followed in model.settled.items()
+        if followed in model.inputs
     }
 
 

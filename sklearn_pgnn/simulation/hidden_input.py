@@ -4,9 +4,9 @@ The model is extended by a hidden input :math:`d` that wanders,
 
 .. math:: \dot x_i = f_i(x, u) + d, \qquad \mathrm{d}d = \sqrt{q}\, \mathrm{d}w
 
-(or added to an input or an output), and the states and :math:`d` are smoothed by an extended
-Kalman filter and a Rauch-Tung-Striebel smoother. The intensity :math:`q` is the one that makes the
-record most likely.
+(or added to the effort of a port, an input or an output), and the states and :math:`d` are smoothed
+by an extended Kalman filter and a Rauch-Tung-Striebel smoother. The intensity :math:`q` is the one
+that makes the record most likely.
 
 References
 ----------
@@ -22,9 +22,9 @@ import numpy as np
 import sympy
 from scipy.optimize import minimize_scalar
 
-from sklearn_pgnn.physics.effects.formula import add_at
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import add_at
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.kalman import run_filter, run_smoother
 from sklearn_pgnn.simulation.simulate import parameter_values
@@ -44,9 +44,9 @@ class HiddenInput:
     Parameters
     ----------
     channel : str
-        The state whose rate it is added to, or the input or output.
+        The port whose effort it is added to, the state whose rate, or the input or output.
     values : ndarray of shape (n_samples,)
-        Its smoothed time series [unit of the channel; per second for a state].
+        Its smoothed time series, see `sklearn_pgnn.physics.places.unit_at`.
     errors : ndarray of shape (n_samples,)
         Standard errors of the values.
     states : ndarray of shape (n_samples, n_states)
@@ -57,28 +57,6 @@ class HiddenInput:
     values: np.ndarray
     errors: np.ndarray
     states: np.ndarray
-
-
-def channels(model: PhysicsModel) -> tuple[str, ...]:
-    """Name the places where something may be missing: rates, inputs and outputs.
-
-    The rate of a position is its velocity by definition, and is left out; an input that enters only
-    one rate is represented by that rate.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> channels(cart_on_spring())
-    ('v', 'position')
-    """
-    known = set(model.kinematic_pairs.values())
-    states = tuple(state for state in model.states if state not in known)
-    several = tuple(
-        name
-        for name in model.inputs
-        if sum(symbol(name) in rate.free_symbols for rate in model.equations.values()) > 1
-    )
-    return (*states, *several, *(name for name in model.outputs if name not in model.states))
 
 
 def with_hidden_input(model: PhysicsModel, channel: str) -> PhysicsModel:
@@ -143,7 +121,7 @@ class _Filter:
             self.P0,
             diffusion,
             windows.scale**2,
-            np.array(self.source.dry),
+            self.source.dry,
             windows.substeps,
             self.source.size,
             *states,

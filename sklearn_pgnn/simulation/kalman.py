@@ -10,28 +10,31 @@ from sklearn_pgnn.simulation.stepping import (
     INNER,
     OPTIONS,
     copy_rows,
-    is_any,
     keep,
     observe,
+    settle,
+    signs_of,
     to_next_sample,
     workspace,
 )
 
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
-_B1 = boolean[::1]
 #: largest squared innovation, in its own variances, that the filter believes
 OUTLIER = 25.0
 
 
 @njit(**INNER)
 def multiply(A, B, into):
-    """Fill an array with the product of two matrices."""
+    """Fill an array with the product of two matrices, rows being added; a zero costs nothing."""
     for i in range(into.shape[0]):
         for j in range(into.shape[1]):
-            total = 0.0
-            for m in range(A.shape[1]):
-                total += A[i, m] * B[m, j]
-            into[i, j] = total
+            into[i, j] = 0.0
+        for m in range(A.shape[1]):
+            factor = A[i, m]
+            if factor == 0.0:
+                continue
+            for j in range(into.shape[1]):
+                into[i, j] += factor * B[m, j]
 
 
 @njit(**INNER)
@@ -48,17 +51,25 @@ def _predict_covariance(S, C, noise, half):
     multiply(S, C, half)
     nx = C.shape[0]
     for i in range(nx):
+        for j in range(i):
+            half[i, j], half[j, i] = half[j, i], half[i, j]
+    for i in range(nx):
         for j in range(i + 1):
-            total = 0.0
-            for m in range(nx):
-                total += half[i, m] * S[j, m]
-            C[i, j] = C[j, i] = total
+            C[i, j] = 0.0
+        for m in range(nx):
+            factor = S[i, m]
+            if factor == 0.0:
+                continue
+            for j in range(i + 1):
+                C[i, j] += factor * half[m, j]
+        for j in range(i):
+            C[j, i] = C[i, j]
         C[i, i] += noise[i]
 
 
 @njit(
     types.float64(
-        FUNCTION, _F1, _F2, boolean, _F2, types.float64, _F1, _F1, _F2, _F1, _F1, _B1,
+        FUNCTION, _F1, _F2, boolean, _F2, types.float64, _F1, _F1, _F2, _F1, _F1, _F2,
         types.int64, types.int64, _F2, _F3, _F2, _F3, _F3,
     ),
     **OPTIONS,
@@ -73,19 +84,19 @@ def run_filter(
     taken in one after the other, their noise being independent.
     """
     nx, ny = x0.size, y.shape[1]
-    out, old = workspace(nx, nx, u.shape[1], size)
+    out, old = workspace(dry, nx, u.shape[1], size)
     x, S, C, half = x0.copy(), np.zeros((nx, nx)), P0.copy(), np.zeros((nx, nx))
     gain, noise = np.zeros(nx), np.zeros(nx)
-    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    s, stuck = signs_of(dry)
     y_model, H = np.zeros(ny), np.zeros((ny, nx))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
-    total, any_dry = 0.0, is_any(dry)
+    total = 0.0
     for k in range(t.size):
         for i in range(nx):
             if not math.isfinite(x[i]):
                 return -np.inf
-            if dry[i] and not stuck[i]:
-                s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
+        if s.size:
+            settle(function, t[k], x, S, u[k], p, s, stuck, dry, -1, out, old)
         keep(x, C, Xp[k], Pp[k])
         for j in range(ny):
             if math.isnan(y[k, j]):
@@ -110,14 +121,14 @@ def run_filter(
             for a in range(nx):
                 for b in range(nx):
                     C[a, b] -= gain[a] * gain[b] / spread
-            for i in range(nx):
+            for i in range(stuck.size):
                 stuck[i] = stuck[i] and not moved
         keep(x, C, X[k], P[k])
         if k + 1 < t.size:
             set_unit(S)
             to_next_sample(
-                function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                out, old, u_start, u_end, any_dry, usual,
+                function, t, u, linear_hold, k, x, S, p, s, stuck, dry, False, substeps,
+                out, old, u_start, u_end, usual,
             )  # fmt: skip
             for i in range(nx):
                 noise[i] = diffusion[i] * (t[k + 1] - t[k])

@@ -103,11 +103,13 @@ def linearise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Linearise a model with a hidden input along the trajectories of windows."""
     extended = with_hidden_input(model, channel)
-    F, x = _transitions(extended, windows, x0)
+    F, x = transitions(extended, windows, np.column_stack([x0, np.zeros(len(x0))]))
     return F, output_slopes(extended, windows, x)
 
 
-def _transitions(model, windows, x0):
+def transitions(
+    model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the transition over every sample interval, and the states, window by window."""
     function, source = compile_model(model, (), windows.method)
     u, p, nx = windows.acting_inputs(model), parameter_values(model), len(model.states)
@@ -125,11 +127,11 @@ def _transitions(model, windows, x0):
             np.full((n, blind.size), np.nan),
             usual,
             p,
-            np.append(start, 0.0),
+            start,
             nothing,
             np.zeros(nx),
             blind,
-            np.array(source.dry),
+            source.dry,
             windows.substeps,
             source.size,
             x[rows],
@@ -142,11 +144,10 @@ def _transitions(model, windows, x0):
 def output_slopes(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> np.ndarray:
     """Differentiate the outputs by the states at every sample."""
     table = sample_table(model, windows, x)
-    slopes = [
-        [
-            evaluate_samples(differentiate(g, symbol(name)), table, windows.t.size)
-            for name in model.states
-        ]
-        for g in model.outputs.values()
-    ]
-    return np.ascontiguousarray(np.moveaxis(np.array(slopes), -1, 0))
+    slopes = np.zeros((windows.t.size, len(model.outputs), len(model.states)))
+    for i, g in enumerate(model.outputs.values()):
+        for j, state in enumerate(map(symbol, model.states)):
+            if state in g.free_symbols:
+                slope = differentiate(g, state)
+                slopes[:, i, j] = evaluate_samples(slope, table, windows.t.size)
+    return slopes

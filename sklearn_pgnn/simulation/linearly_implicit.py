@@ -63,9 +63,13 @@ class Elimination:
         self.builder, self.plus, self.n = builder, plus, n
         self.known, self.inverse = dict(matrix), {}
         for k in range(n):
-            self.inverse[k] = builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), self.known[k, k])
+            self.inverse[k] = self.inverse_of(k)
             for i in self._column_below(k):
                 self._eliminate(i, k)
+
+    def inverse_of(self, k: int) -> ir.Value:
+        """Return one over a pivot."""
+        return self.builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), self.known[k, k])
 
     def _column_below(self, k: int) -> list[int]:
         return [i for i in range(k + 1, self.n) if (i, k) in self.known]

@@ -4,7 +4,8 @@ The time loops of every model are the same and are compiled once. What they call
 model, which does what ``task`` says:
 
 `RATES`, `OUTPUTS`
-    evaluates the rates, or the outputs and their derivatives, into ``out``, whose layout is that of
+    evaluates the rates and their derivatives by the signs of dry frictions, or the outputs and
+    their derivatives, into ``out``, whose layout is that of
     `sklearn_pgnn.simulation.source`;
 `OBSERVE`
     evaluates the outputs and, in place of their derivatives, row by row their sensitivities
@@ -16,13 +17,17 @@ model, which does what ``task`` says:
     .. math:: k_i = f(t + c_i h,\; x + c_i h\, k_{i-1}), \qquad x \leftarrow x + h \sum_i b_i k_i,
 
     and in the same way with :math:`\frac{\partial f}{\partial x} S + \frac{\partial f}{\partial p}`
-    for the sensitivities. The inputs run straight from ``u`` to ``u_end``; a state that is stuck
-    stays. For stiff models the step is a linearly implicit one, see
+    for the sensitivities. The inputs run straight from ``u`` to ``u_end``; a flow that is stuck
+    stays, and what holds it acts on the others (`sklearn_pgnn.simulation.reactions`). For stiff
+    models the step is a linearly implicit one, see
     `sklearn_pgnn.simulation.linearly_implicit`.
 
 In a step the rows of the sensitivities are vectors no wider than a register, since LLVM works on
 wider ones slowly, and a derivative that is zero costs nothing.
 """
+
+from contextlib import contextmanager
+from functools import reduce
 
 import numpy as np
 from llvmlite import ir
@@ -37,6 +42,7 @@ from sklearn_pgnn.simulation.linearly_implicit import (
     WEIGHTS,
     Elimination,
 )
+from sklearn_pgnn.simulation.reactions import Reactions
 from sklearn_pgnn.simulation.source import Source
 from sklearn_pgnn.simulation.straight_line import FLOAT, INT, Assignments, emit_entries
 
@@ -82,6 +88,7 @@ class _Emission:
         self.lines = Assignments(source.text)
         self.pieces = pieces_of_row(source.n_sensitivities)
         self.t, self.h, self.arrays = t, h, arrays
+        self.alone = self._alone()
 
     def emit(self, task, method) -> None:
         """Emit the things that the function does, and the choice between them."""
@@ -97,7 +104,7 @@ class _Emission:
         builder, source = self.builder, self.source
         with builder.if_else(builder.icmp_signed("==", task, INT(RATES))) as (rates, other):
             with rates:
-                self._evaluate(source.rates)
+                self._evaluate([*source.rates, *source.rates_by_signs])
             with other, builder.if_else(builder.icmp_signed("==", task, INT(OUTPUTS))) as tasks:
                 with tasks[0]:
                     self._evaluate([*source.outputs, *source.output_slopes])
@@ -116,6 +123,8 @@ class _Emission:
         wanted = self._not_zero(source.outputs, source.slopes_of_outputs)
         values = dict(zip(wanted, self._entries(wanted, self.t, self._load), strict=True))
         sensitivities = self._tangents(source.slopes_of_outputs, values, rows)
+        if rows and not all(map(self.lines.is_zero, source.outputs_by_signs)):
+            sensitivities = self._held_outputs(sensitivities, rows)
         for entry in source.outputs:
             self.builder.store(values[entry], self._place("out", INT(entry)))
         n_rows = len(source.slopes_of_outputs)
@@ -183,12 +192,19 @@ class _Emission:
         A derivative that is not finite, as a root's at zero, is left out: any matrix will do.
         """
         n, factor = self.source.n_states, self.builder.fmul(self.h, FLOAT(-DIAGONAL))
-        values = self._rate_values(start[:n], FLOAT(0.0), FLOAT(0.0), read)
+        at = start[:n], FLOAT(0.0), FLOAT(0.0)
+        read = self._answered(*at, read)
+        values = self._rate_values(*at, read)
+        slopes = [[values.get(entry) for entry in row[:n]] for row in self.source.rate_slopes]
+        if self._together():
+            slopes = [[FLOAT(0.0) if v is None else v for v in row] for row in slopes]
+            columns = self._held(list(map(list, zip(*slopes, strict=True))), *at, read)
+            slopes = list(map(list, zip(*columns, strict=True)))
         matrix = {
-            (i, j): self.builder.fmul(factor, self._finite(self._unless_stuck(i, values[entry])))
-            for i, row in enumerate(self.source.rate_slopes)
-            for j, entry in enumerate(row[:n])
-            if entry in values
+            (i, j): self.builder.fmul(factor, self._finite(self._unless_stuck(i, value)))
+            for i, row in enumerate(slopes)
+            for j, value in enumerate(row)
+            if value is not None
         }
         for i in range(n):
             matrix[i, i] = self.builder.fadd(FLOAT(1.0), matrix.get((i, i), FLOAT(0.0)))
@@ -224,14 +240,17 @@ class _Emission:
 
     def _rate_values(self, states, along, node, read):
         """Return the rates, and what of their derivatives is not always zero, by entry."""
-        source = self.source
+        wanted = self._not_zero(self.source.rates, self.source.rate_slopes)
+        return self._at_stage(wanted, states, along, node, read)
+
+    def _at_stage(self, wanted, states, along, node, read):
+        """Return some entries at a stage."""
 
         def at_stage(array, i):
             if array == "x":
                 return states[i]
             return self._input(i, node) if array == "u" else read(array, i)
 
-        wanted = self._not_zero(source.rates, source.rate_slopes)
         t = self.builder.fadd(self.t, along)
         return dict(zip(wanted, self._entries(wanted, t, at_stage), strict=True))
 
@@ -239,10 +258,15 @@ class _Emission:
         """Return the rates of the states and of the sensitivities' rows at a stage."""
         source = self.source
         states, rows = now[: source.n_states], now[source.n_states :]
+        read = self._answered(states, along, node, read)
         values = self._rate_values(states, along, node, read)
         rates = [values[entry] for entry in source.rates]
         tangents = self._tangents(source.rate_slopes, values, rows)
         n_pieces = len(self.pieces)
+        if tangents and self._together():
+            pieces = [tangents[i::n_pieces] for i in range(n_pieces)]
+            pieces = self._held(pieces, states, along, node, read)
+            tangents = [piece for row in zip(*pieces, strict=True) for piece in row]
         return [
             *(self._unless_stuck(i, value) for i, value in enumerate(rates)),
             *(self._unless_stuck(i // n_pieces, value) for i, value in enumerate(tangents)),
@@ -269,13 +293,120 @@ class _Emission:
                 total = self._plus(total, values[entry], row)
         return total
 
-    def _unless_stuck(self, i, value):
-        """Return a rate, or zero where the state may be stuck and is."""
-        if not self.source.dry[i]:
-            return value
+    # -- dry friction ------------------------------------------------------------------------------
+
+    def _alone(self) -> dict[int, int]:
+        """Return the states whose dry friction acts on nothing else, and their flows."""
+        found = {}
+        for i, row in enumerate(self.source.rows):
+            (state, *others), column = np.flatnonzero(row), self._column(i)
+            acts_on = {m for m, entry in enumerate(column) if not self.lines.is_zero(entry)}
+            flows = {j for j, other in enumerate(self.source.rows) if other[state]}
+            if not others and acts_on <= {state} and flows == {i}:
+                found[int(state)] = i
+        return found
+
+    def _column(self, i) -> range:
+        """Return where the rates' derivatives by a flow's sign stand."""
+        return self.source.rates_by_signs[i :: len(self.source.rows)]
+
+    def _together(self) -> list[int]:
+        """Return the flows whose dry frictions act on more than their own state."""
+        alone = set(self.alone.values())
+        return [i for i in range(len(self.source.rows)) if i not in alone]
+
+    def _is_stuck(self, i):
+        """Return whether a flow is stuck."""
         stuck = self.builder.load(self._place("stuck", INT(i)))
-        is_stuck = self.builder.icmp_unsigned("!=", stuck, stuck.type(0))
-        return self.builder.select(is_stuck, ir.Constant(value.type, None), value)
+        return self.builder.icmp_unsigned("!=", stuck, stuck.type(0))
+
+    def _any_stuck(self, flows):
+        """Return whether any of some flows is stuck."""
+        return reduce(self.builder.or_, map(self._is_stuck, flows))
+
+    def _unless_stuck(self, state, value):
+        """Return a rate, or zero where the state is a flow that is stuck."""
+        rows = self.source.rows
+        flows = [i for i, row in enumerate(rows) if row[state] and sum(map(bool, row)) == 1]
+        if not flows:
+            return value
+        zero = ir.Constant(value.type, None)
+        return self.builder.select(self._is_stuck(flows[0]), zero, value)
+
+    def _reactions(self, flows, states, along, node, read) -> Reactions:
+        """Return what holds those of some flows that are stuck, at a stage."""
+        wanted = [entry for i in flows for entry in self._column(i)]
+        values = self._at_stage(wanted, states, along, node, read)
+        columns = [[values[entry] for entry in self._column(i)] for i in flows]
+        rows, stuck = [self.source.rows[i] for i in flows], [*map(self._is_stuck, flows)]
+        return Reactions(self.builder, self._plus, rows, columns, stuck)
+
+    def _answered(self, states, along, node, read):
+        """Return how to read what a stage needs, with the signs of stuck flows that hold them."""
+        flows = self._together()
+        if not flows:
+            return read
+        signs = {i: self._zero(FLOAT) for i in flows}
+        for i, place in signs.items():
+            self.builder.store(read("s", i), place)
+        with self.builder.if_then(self._any_stuck(flows)):
+            reactions = self._reactions(flows, states, along, node, read)
+            rates = self._at_stage(self.source.rates, states, along, node, read)
+            answers = reactions.answers([*rates.values()])
+            for (i, place), answer in zip(signs.items(), answers, strict=True):
+                self.builder.store(self.builder.fadd(read("s", i), answer), place)
+        known = {i: self.builder.load(place) for i, place in signs.items()}
+        return lambda array, i: known[i] if array == "s" and i in known else read(array, i)
+
+    def _held(self, columns, *at):
+        """Return columns of derivatives of the rates, with what holds the stuck flows."""
+        flows = self._together()
+        with self._where_stuck(flows, columns) as places:
+            reactions = self._reactions(flows, *at)
+            for column, kept in zip(columns, places, strict=True):
+                answers = reactions.answers(column)
+                held = self._with_answers(column, reactions.columns, answers)
+                for value, place in zip(held, kept, strict=True):
+                    self.builder.store(value, place)
+        return [[self.builder.load(place) for place in kept] for kept in places]
+
+    def _held_outputs(self, sensitivities, rows):
+        """Return the sensitivities of the outputs with how the signs of stuck flows follow."""
+        source, n_pieces = self.source, len(self.pieces)
+        flows = range(len(source.rows))
+        pieces = [sensitivities[i::n_pieces] for i in range(n_pieces)]
+        at = self._states(), FLOAT(0.0), FLOAT(0.0), self._load
+        with self._where_stuck(flows, pieces) as places:
+            reactions = self._reactions(flows, *at)
+            tangents = self._tangents(source.rate_slopes, self._rate_values(*at), rows)
+            by_signs = self._at_stage(source.outputs_by_signs, *at)
+            columns = [source.outputs_by_signs[i :: len(flows)] for i in flows]
+            slopes = [[by_signs[entry] for entry in column] for column in columns]
+            for i, (piece, kept) in enumerate(zip(pieces, places, strict=True)):
+                answers = reactions.answers(tangents[i::n_pieces])
+                for value, place in zip(
+                    self._with_answers(piece, slopes, answers), kept, strict=True
+                ):
+                    self.builder.store(value, place)
+        pieces = [[self.builder.load(place) for place in kept] for kept in places]
+        return [piece for row in zip(*pieces, strict=True) for piece in row]
+
+    @contextmanager
+    def _where_stuck(self, flows, columns):
+        """Keep columns of values in places, to be replaced there where a flow is stuck."""
+        places = [[self._zero(value.type) for value in column] for column in columns]
+        for column, kept in zip(columns, places, strict=True):
+            for value, place in zip(column, kept, strict=True):
+                self.builder.store(value, place)
+        with self.builder.if_then(self._any_stuck(flows)):
+            yield places
+
+    def _with_answers(self, values, slopes, answers):
+        """Return values that change by their slopes times how the signs answer."""
+        for column, answer in zip(slopes, answers, strict=True):
+            pairs = zip(values, column, strict=True)
+            values = [self._plus(value, slope, answer) for value, slope in pairs]
+        return values
 
     # -- values ------------------------------------------------------------------------------------
 

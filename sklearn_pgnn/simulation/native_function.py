@@ -22,6 +22,8 @@ from numba import carray, types
 
 from sklearn_pgnn.physics.external import ExternalFunction, said_by
 from sklearn_pgnn.priors.called_function import NEAR, NumericFunction
+from sklearn_pgnn.priors.rigid_tree import TreeDynamics, TreeSlopes
+from sklearn_pgnn.simulation import rigid_bodies
 
 _NUMBERS = types.CPointer(types.float64)
 
@@ -38,17 +40,23 @@ class Native:
         Why there is none.
     compiled : object
         What keeps the machine code alive.
+    never_fails : bool
+        Whether its numbers, NaN among them, are all there is to know.
     """
 
     address: int = 0
     why_not: str = ""
     compiled: Any = None
+    never_fails: bool = False
 
 
 @cache
 def native_function(function: ExternalFunction) -> Native:
     """Compile a function that equations call."""
     call = function.call
+    if isinstance(call, TreeDynamics | TreeSlopes):
+        rigid = rigid_bodies.compiled(call)
+        return Native(rigid.address, compiled=rigid, never_fails=True)
     if not isinstance(call, NumericFunction):
         return Native(why_not="it is not written in Python")
     try:

@@ -9,11 +9,11 @@ from sklearn_pgnn.simulation.compiled import FUNCTION
 from sklearn_pgnn.simulation.dissipation_loop import lose, lose_slopes, loss_workspace
 from sklearn_pgnn.simulation.lanes import LANES, tanh_lanes, weigh
 from sklearn_pgnn.simulation.model_function import OUTPUTS
-from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, evaluate, is_any, workspace
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, evaluate, signs_of, workspace
 
 _F = types.float64
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
-_I1, _B1 = types.int64[::1], boolean[::1]
+_I1 = types.int64[::1]
 
 # -- the network -----------------------------------------------------------------------------------
 
@@ -188,20 +188,22 @@ def _prior_step(
 ):  # fmt: skip
     """Advance x and S in place by the model, from one sample to the next."""
     h = dt / substeps
+    for i in range(stuck.size):
+        stuck[i] = False
     for step in range(substeps):
         for i in range(u_start.size):
             slope = u_end[i] - u_start[i]
             u_from[i] = u_start[i] + slope * step / substeps
             u_to[i] = u_start[i] + slope * (step + 1) / substeps
         advance(
-            function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry, is_any(dry),
+            function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry, False,
             step_out, old,
         )  # fmt: skip
 
 
 @njit(
     int64(
-        FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
+        FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _F2, int64, int64,
         int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, _F1, int64,
         _F1, _F1, _F2,
     ),
@@ -218,10 +220,10 @@ def run(
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     gates, out, z = np.zeros(3 * widest), np.zeros(n_out), np.zeros(widest)
     prior, at, nothing = np.zeros(nx), np.zeros(nx), np.zeros((nx, 0))
-    step_out, old = workspace(nx, 0, acting.shape[1], size)
+    step_out, old = workspace(dry, 0, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes) if core == 0 else theta
     parts, (matrices, vectors) = np.zeros(n_parts), loss_workspace(lossy.size)
-    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    s, stuck = signs_of(dry)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
     X[0] = x
     for k in range(t.size - 1):
@@ -394,7 +396,7 @@ def _carry_numbers(base, lossy, by_prior, step_S, S):
 
 @njit(
     void(
-        FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
+        FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _F2, int64, int64,
         int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, _F1, _F1,
         _F2, int64, _I1, _F2, _F3,
     ),
@@ -418,11 +420,11 @@ def run_sensitive(
     by_theta, by_z = np.zeros((n_out, S.shape[1])), np.zeros((n_out, nx))
     prior, at, by_at = np.zeros(nx), np.zeros(nx), np.zeros(nx)
     step_S = np.zeros((nx, n_free + nx))
-    step_out, old = workspace(nx, n_free + nx, acting.shape[1], size)
+    step_out, old = workspace(dry, n_free + nx, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes)
     parts, (matrices, vectors) = np.zeros(n_parts), loss_workspace(lossy.size)
     by_out, by_prior = np.zeros((lossy.size, n_out)), np.zeros((lossy.size, nx))
-    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    s, stuck = signs_of(dry)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
     gain_k, M, S_old = np.zeros((nx, n_out)), np.zeros((nx, nx)), np.zeros(S.shape)
     row = 0
@@ -484,22 +486,21 @@ def run_sensitive(
 
 @njit(
     void(
-        FUNCTION, _F1, _F1, _F2, _F2, _F1, _B1, int64, int64, _F2, _F3,
+        FUNCTION, _F1, _F1, _F2, _F2, _F1, _F2, int64, int64, _F2, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, size, X, J):
     """Advance every row of X by its own step, in place; J gets the slopes by parameters and X."""
     nx, n_free = X.shape[1], J.shape[2] - X.shape[1]
-    step_out, old = workspace(nx, n_free + nx, u.shape[1], size)
-    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    step_out, old = workspace(dry, n_free + nx, u.shape[1], size)
+    s, stuck = signs_of(dry)
     u_from, u_to = np.zeros(u.shape[1]), np.zeros(u.shape[1])
     S = np.zeros((nx, n_free + nx))
     for k in range(t.size):
         S[:, :] = 0.0
         for i in range(nx):
             S[i, n_free + i] = 1.0
-        stuck[:] = False
         _prior_step(
             function, t[k], dt[k], X[k], S, u[k], u_next[k], p, s, stuck, dry, substeps,
             step_out, old, u_from, u_to,
@@ -511,8 +512,8 @@ def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, size, X, J):
 def run_terms(function, t, x, u, p, size, V, J):
     """Evaluate a model's terms at every sample into V, their derivatives by the state into J."""
     nx, n_terms = x.shape[1], V.shape[1]
-    s, out = np.zeros(nx), np.zeros(size)
-    stuck, unused = np.zeros(nx, dtype=np.bool_), np.zeros((nx, 0))
+    s, out = np.zeros(size), np.zeros(size)
+    stuck, unused = np.zeros(size, dtype=np.bool_), np.zeros((nx, 0))
     slopes = nx + n_terms + nx * nx
     for k in range(t.size):
         evaluate(function, OUTPUTS, t[k], x[k], unused, u[k], p, s, stuck, out)

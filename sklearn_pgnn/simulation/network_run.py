@@ -18,6 +18,7 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
@@ -341,7 +342,7 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
         u,
         u_next if hold == "foh" else u,
         parameter_values(model),
-        np.array(source.dry),
+        source.dry,
         substeps,
         source.size,
         x_next,
@@ -416,7 +417,7 @@ def _output_values(model: PhysicsModel, count: int, t, x, u):
 
 def names_in_terms(model: PhysicsModel) -> list[set[str]]:
     """Return for every term that can guide a network the quantities that stand in it."""
-    made_up = {str(_spread(name)) for name in model.states}
+    made_up = {f"spread_of_{name}" for name in model.states}
     return [{str(s) for s in term.free_symbols} - made_up for term in _seen_terms(model)]
 
 
@@ -427,25 +428,26 @@ def _seen_terms(model: PhysicsModel) -> tuple:
     A jump of dry friction is seen rounded off, over several shares of the velocity's spread. A
     limit of a whole rate is no term of it but all of it: what the model's own step says already.
     """
-    terms = []
+    terms, signs = [], {*dry_friction(model).signs, *map(sympy.sign, map(symbol, model.states))}
     for term in model_terms(model):
-        jumps = [x for x in map(symbol, model.states) if term.has(sympy.sign(x))]
+        jumps = [(each, each.args[0]) for each in term.atoms(sympy.sign) & signs]
         for share in WIDTHS if jumps else WIDTHS[:1]:
-            round_off = {sympy.sign(x): sympy.tanh(x / (share * _spread(x))) for x in jumps}
+            round_off = {each: sympy.tanh(x / (share * _spread(x))) for each, x in jumps}
             terms.append(term.xreplace(round_off))
     limits = sympy.Max, sympy.Min
     return tuple(t for t in terms if not (t.is_Symbol or t.is_number or isinstance(t, limits)))
 
 
-def _spread(x) -> sympy.Symbol:
-    return symbol(f"spread_of_{x}")
+def _spread(flow) -> sympy.Expr:
+    """Return the spread of a state, or that of a difference at most."""
+    return sympy.Add(*(symbol(f"spread_of_{x}") for x in flow.free_symbols))
 
 
 @lru_cache(maxsize=64)
 def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
     """Return a model whose outputs are the terms, with all rates zero."""
     spreads = [
-        Parameter(str(_spread(x)), value) for x, value in zip(model.states, spread, strict=True)
+        Parameter(f"spread_of_{x}", value) for x, value in zip(model.states, spread, strict=True)
     ]
     return model.replace(
         equations=dict.fromkeys(model.states, 0),
@@ -498,7 +500,7 @@ def _functions_and_settings(step, theta, wrt=None):
         parameters[places] += parameter_units(step.model, step.free) * changes
     return (function, terms, energy), (
         parameters,
-        np.array(source.dry),
+        source.dry,
         step.substeps,
         source.size,
         of_terms.size,

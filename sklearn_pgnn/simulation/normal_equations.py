@@ -17,6 +17,9 @@ SUM_ROUNDING = 1e-14
 #: curvature of a window's initial state, which few samples determine, relative to the sharpest,
 #: below which a direction is as good as flat
 FLAT_START = 1e-12
+#: pivot of a matrix with a unit diagonal from which on its inverse needs no eigenvalues: these take
+#: many times as long
+SOUND_PIVOT = 1e-6
 
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 
@@ -49,8 +52,52 @@ def _scale(products, n_p, weight, damping, scaled, size):
 
 
 @njit(**APART)
+def _is_factorised(scaled, factor):
+    """Fill the inverse of Cholesky's factor; return whether every pivot is far from zero."""
+    n = scaled.shape[0]
+    for i in range(n):
+        for j in range(i):
+            total = scaled[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            factor[i, j] = total * factor[j, j]
+        pivot = scaled[i, i]
+        for k in range(i):
+            pivot -= factor[i, k] ** 2
+        if not pivot > SOUND_PIVOT:
+            return False
+        factor[i, i] = 1.0 / math.sqrt(pivot)
+    for j in range(n):
+        for i in range(j + 1, n):
+            total = 0.0
+            for k in range(j, i):
+                total -= factor[i, k] * factor[k, j]
+            factor[i, j] = total * factor[i, i]
+    return True
+
+
+@njit(**APART)
+def _multiply_out(factor, size, inverse):
+    """Fill the inverse of a matrix from that of Cholesky's factor, the scale taken off."""
+    n = size.size
+    for i in range(n):
+        for j in range(n):
+            inverse[i, j] = 0.0
+    for k in range(n):
+        for i in range(k + 1):
+            for j in range(k + 1):
+                inverse[i, j] += factor[k, i] * factor[k, j]
+    for i in range(n):
+        for j in range(n):
+            inverse[i, j] /= size[i] * size[j]
+
+
+@njit(**APART)
 def _invert(scaled, size, vectors, inverse):
     """Fill the pseudoinverse of a matrix that is given scaled, and is overwritten."""
+    if _is_factorised(scaled, vectors):
+        _multiply_out(vectors, size, inverse)
+        return
     largest = diagonalise(scaled, vectors)
     for i in range(size.size):
         for j in range(size.size):

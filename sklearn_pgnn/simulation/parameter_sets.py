@@ -110,7 +110,7 @@ def simulate_sets(
                 felt = delayed_inputs(here, t, u, hold == "foh")
             run_trajectory(
                 function.argument, t, felt, hold == "foh", p, x0.copy(), nothing,
-                np.array(source.dry), substeps, source.size, usual, states, outputs[s], no_slopes,
+                source.dry, substeps, source.size, usual, states, outputs[s], no_slopes,
             )  # fmt: skip
 
     count = local_threads(n_jobs)

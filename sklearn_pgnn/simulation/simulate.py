@@ -1,8 +1,10 @@
 """Simulate a model along a trajectory; a failure is part of the result, with its remedy."""
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Integral
+from types import MappingProxyType
 
 import numpy as np
 
@@ -217,7 +219,7 @@ def simulate_acting(
         parameter_values(model),
         x0.copy(),
         S,
-        np.array(source.dry),
+        source.dry,
         substeps,
         source.size,
         usual_interval(t) if usual is None else usual,
@@ -285,18 +287,19 @@ def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
 
 def start_of(model: PhysicsModel, record) -> list[float]:
     """Return a record's initial state: its own values, settled ones, the model's for the rest."""
-    start = settled_start(model, record.u[0])
-    if record.x0 is not None:
-        told = zip(model.states, record.x0, strict=False)
-        start |= {name: float(value) for name, value in told if np.isfinite(value)}
+    x0 = () if record.x0 is None else zip(model.states, record.x0, strict=False)
+    told = {name: float(value) for name, value in x0 if np.isfinite(value)}
+    start = settled_start(model, record.u[0], told)
     return [start[name] for name in model.states]
 
 
-def settled_start(model: PhysicsModel, u) -> dict[str, float]:
-    """Return the model's initial state, its `settled` states at the first value of their inputs."""
-    first = dict(zip(model.inputs, map(float, u), strict=True))
+def settled_start(
+    model: PhysicsModel, u, told: Mapping[str, float] = MappingProxyType({})
+) -> dict[str, float]:
+    """Return the initial state: as told, else settled where others start, else the model's."""
+    first = dict(zip(model.inputs, map(float, u), strict=True)) | {**model.initial_state, **told}
     followed = {state: first[name] for state, name in model.settled.items()}
-    return {**model.initial_state, **followed}
+    return {**model.initial_state, **followed, **told}
 
 
 def parameter_values(model: PhysicsModel) -> np.ndarray:

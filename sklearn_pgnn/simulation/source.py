@@ -7,18 +7,20 @@ For the states :math:`x`, inputs :math:`u` and parameters :math:`p` of a model t
 - ``linearised``: :math:`f, g, \partial f/\partial x, \partial f/\partial p,
   \partial g/\partial x, \partial g/\partial p`
 
-``s`` stands for the sign of every state under dry friction: where :math:`\dot x_i` depends on
-:math:`\mathrm{sign}(x_i)`, the time loop sets it (and lets the state stick), see
-`sklearn_pgnn.simulation.stepping`.
+``s`` stands for the sign of every flow under dry friction (`sklearn_pgnn.physics.dry_friction`):
+the time loop sets it and lets the flow stick, see `sklearn_pgnn.simulation.stepping`. Last stand
+:math:`\partial g/\partial s` and :math:`\partial f/\partial s`, row by row.
 """
 
 import json
 from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
 
+import numpy as np
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
+from sklearn_pgnn.physics.dry_friction import check_signs, dry_friction, with_signs
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import at_whole_points
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -30,7 +32,7 @@ TINY = sympy.Float(1e-30)
 
 @dataclass(frozen=True)
 class Source:
-    """Source code of a model's functions, and which states are under dry friction.
+    """Source code of a model's functions, and which flows are under dry friction.
 
     Parameters
     ----------
@@ -38,8 +40,10 @@ class Source:
         Assignments to names that several entries share.
     entries : tuple of str
         The expressions that fill ``out``.
-    dry : tuple of bool
-        For every state, whether its rate jumps where the state changes its sign.
+    rows : tuple of tuple of float
+        The flows under dry friction, each as a row over the states.
+    n_states : int
+        Number of states.
     n_outputs : int
         Number of outputs.
     n_parameters : int, optional
@@ -48,15 +52,16 @@ class Source:
 
     shared: tuple[str, ...]
     entries: tuple[str, ...]
-    dry: tuple[bool, ...]
+    rows: tuple[tuple[float, ...], ...]
+    n_states: int
     n_outputs: int
     n_parameters: int | None = None
 
     @classmethod
     def from_bytes(cls, kept: bytes) -> "Source":
         """Return the code again that `to_bytes` has written."""
-        shared, entries, dry, *numbers = json.loads(kept)
-        return cls(tuple(shared), tuple(entries), tuple(dry), *numbers)
+        shared, entries, rows, *numbers = json.loads(kept)
+        return cls(tuple(shared), tuple(entries), tuple(map(tuple, rows)), *numbers)
 
     def to_bytes(self) -> bytes:
         """Return the code as it is kept on disk."""
@@ -69,9 +74,9 @@ class Source:
         return "\n".join((*self.shared, *filled)) + "\n"
 
     @property
-    def n_states(self) -> int:
-        """Number of states."""
-        return len(self.dry)
+    def dry(self) -> np.ndarray:
+        """The flows under dry friction, shape (n_dry, n_states)."""
+        return np.array(self.rows, dtype=float).reshape(len(self.rows), self.n_states)
 
     @property
     def n_sensitivities(self) -> int:
@@ -81,7 +86,8 @@ class Source:
     @property
     def size(self) -> int:
         """Length of ``out``."""
-        return (self.n_states + self.n_outputs) * (1 + self.n_sensitivities)
+        n_columns = 1 + self.n_sensitivities + len(self.rows)
+        return (self.n_states + self.n_outputs) * n_columns
 
     @property
     def rates(self) -> range:
@@ -117,7 +123,18 @@ class Source:
     def output_slopes(self) -> range:
         """Where the outputs' derivatives stand in ``out``."""
         first = self.outputs.stop + self.n_states * self.n_sensitivities
-        return range(first, self.size)
+        return range(first, first + self.n_outputs * self.n_sensitivities)
+
+    @property
+    def outputs_by_signs(self) -> range:
+        """Where the outputs' derivatives by the signs stand, row by row."""
+        first = self.output_slopes.stop
+        return range(first, first + self.n_outputs * len(self.rows))
+
+    @property
+    def rates_by_signs(self) -> range:
+        """Where the rates' derivatives by the signs stand, row by row: at the end."""
+        return range(self.outputs_by_signs.stop, self.size)
 
     def keep(self, parameters: list[int]) -> "Source":
         """Return the code that is differentiated by some of the parameters only."""
@@ -132,6 +149,7 @@ class Source:
             by_parameters = first + n_rows * self.n_states
             kept += range(first, by_parameters)
             kept += [by_parameters + i * n_p + j for i in range(n_rows) for j in parameters]
+        kept += [*self.outputs_by_signs, *self.rates_by_signs]
         entries = tuple(self.entries[place] for place in kept)
         return replace(self, entries=entries, n_parameters=len(parameters))
 
@@ -203,11 +221,6 @@ def _real(expression):
     )
 
 
-def dry_states(model: PhysicsModel) -> tuple[bool, ...]:
-    """Return for every state whether its own rate jumps where it changes its sign."""
-    return tuple(rate.has(sympy.sign(symbol(state))) for state, rate in model.equations.items())
-
-
 def write_source(model: PhysicsModel, wrt: tuple[str, ...] | None = None) -> Source:
     """Write a model's function."""
     frozen = _Frozen(model)
@@ -273,28 +286,29 @@ def _write(frozen: _Frozen, *, differentiated: bool = False) -> Source:
 
 
 def _written(model: PhysicsModel, differentiated: bool) -> Source:
-    dry = dry_states(model)
-    signs = {sympy.sign(symbol(n)): _sign(i) for i, n in enumerate(model.states) if dry[i]}
+    dry = dry_friction(model)
     places = _places(model, dry)
     # before differentiating: SymPy compares the arguments of maxima anew in all that holds them
     local = {old: sympy.Symbol(f"{a}{i}", real=True) for old, (a, i) in places.items()}
     local[TIME] = sympy.Symbol("t", real=True)
-    f = [_real(rate.xreplace(signs)).xreplace(local) for rate in model.equations.values()]
-    g = [_real(output.xreplace(signs)).xreplace(local) for output in model.outputs.values()]
+    f = [_real(with_signs(e, dry)).xreplace(local) for e in model.equations.values()]
+    g = [_real(with_signs(e, dry)).xreplace(local) for e in model.outputs.values()]
     x = [local[symbol(name)] for name in model.states]
     entries = f + g
     if differentiated:
         for part in (f, g):
             entries += [differentiate(e, v) for e in part for v in x]
             entries += [_by_parameter(model, local, e, p) for e in part for p in model.parameters]
+    signs = [local[s] for s in dry.symbols]
+    check_signs(f, signs, dry, list(model.states))
+    by_signs = [sympy.diff(e, s) for e in (*g, *f) for s in signs]
     arguments = {local[old]: place for old, place in places.items()}
     n_parameters = len(model.parameters) if differentiated else None
-    return Source(*_straight_line(arguments, entries), dry, len(g), n_parameters)
-
-
-def _sign(i):
-    """Return the symbol for the sign of a state."""
-    return sympy.Symbol(f"s{i}")
+    # apart, for a step of what does not stick needs none of it
+    shared, written = _straight_line(arguments, entries)
+    further, sides = _straight_line(arguments, by_signs, "d") if by_signs else ((), ())
+    lines, filled = tuple(dict.fromkeys((*shared, *further))), (*written, *sides)
+    return Source(lines, filled, dry.rows, len(f), len(g), n_parameters)
 
 
 def _by_parameter(model, local, expression, name):
@@ -313,13 +327,13 @@ def _places(model, dry):
     places = {symbol(name): ("x", i) for i, name in enumerate(model.states)}
     places |= {sympy.Symbol(name, real=True): ("u", i) for i, name in enumerate(inputs)}
     places |= {symbol(name): ("p", i) for i, name in enumerate(model.parameters)}
-    places |= {_sign(i): ("s", i) for i, is_dry in enumerate(dry) if is_dry}
+    places |= {s: ("s", i) for i, s in enumerate(dry.symbols)}
     return places
 
 
-def _straight_line(places, entries) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _straight_line(places, entries, prefix="c") -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Write what the entries share, line by line, and the entries."""
-    names = sympy.numbered_symbols("c", real=True)
+    names = sympy.numbered_symbols(prefix, real=True)
     shared, entries = sympy.cse(at_whole_points(entries), symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
     write = _Printer().doprint

@@ -112,7 +112,9 @@ class StateEstimator:
 
     def _estimate(self, model) -> StateEstimate:
         x = self.values(model)
-        spread = [self._spread(state, x[:, i]) for i, state in enumerate(model.states)]
+        spread = np.array([self._spread(state, x[:, i]) for i, state in enumerate(model.states)])
+        for state, other in _followers(model):  # how full a store behind another one is, is unknown
+            spread[state] = max(spread[state], np.std(x[:, other]))
         x.flags.writeable = False
         return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
 
@@ -175,8 +177,8 @@ class StateEstimator:
         """Simulate every record in free run; if that fails, the state stays at its start."""
         windows, runs = self.windows, []
         for r, (a, b) in enumerate(pairwise(windows.bounds)):
-            start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
-            start |= {state: values[a] for state, values in known.items()}
+            told = _finite(self.starts[r]) | {s: float(v[a]) for s, v in known.items()}
+            start = settled_start(model, windows.u[a], told)
             x0 = np.array([start[state] for state in model.states])
             run = free_run(model, windows, a, b, x0).x
             runs.append(np.where(np.abs(run) < ENDLESS, run, x0))
@@ -199,6 +201,13 @@ def _on_scale(source: Source, behind) -> np.ndarray:
         return source.values
     value, slope = behind
     return source.values * slope if source.derivative else value
+
+
+def _followers(model: PhysicsModel) -> list[tuple[int, int]]:
+    """Return the states that others settle, with these, by their places."""
+    names = list(model.states)
+    settled = ((state, other) for state, other in model.settled.items() if other in names)
+    return [(names.index(state), names.index(other)) for state, other in settled]
 
 
 def hidden_states(model: PhysicsModel) -> tuple[str, ...]:

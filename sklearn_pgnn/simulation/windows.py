@@ -284,7 +284,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     q = len(wrt) + len(model.states)
     gram = np.zeros((len(windows), windows.blocks, q + 1, q + 1))
     residual = np.full(windows.y.shape, np.nan)
-    dry, usual = np.array(source.dry), windows.usual_intervals
+    dry, usual = source.dry, windows.usual_intervals
     x0 = np.ascontiguousarray(x0, dtype=float)
     led = lead(model, windows, wrt, x0)
     begun = x0 if led is None else led.initial_states(x0)

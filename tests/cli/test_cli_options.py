@@ -1,6 +1,7 @@
 """The options of the command line: what they say to a diagnosis, and how they are refused."""
 
 import json
+import re
 import subprocess
 import sys
 import warnings
@@ -9,9 +10,10 @@ import pytest
 from click.testing import CliRunner
 from test_cli import table, write
 
-from sklearn_pgnn import ModelDiagnosis, __version__, effects
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.cli.choices import check_candidates
+from sklearn_pgnn.exceptions import OptionError, RecordWarning
 
 TWO = """\
 name: cart
@@ -82,6 +84,14 @@ def test_noise_is_given_by_the_names_of_the_outputs(tmp_path, monkeypatch):
     outputs = ["speed", "position"]
     assert read_noise(["position=1e-4", "speed=0.1"], outputs) == [0.1, 1e-4]
     assert read_noise([], outputs) is None
+
+
+def test_what_is_known_of_a_channel_may_leave_nothing_to_try():
+    cart = PhysicsModel({"v": "m/s"}, {"v": "F - v"}, inputs={"F": "N"}, name="cart")
+    check_candidates(cart, [effects.ActuatorLag], ["F"])
+    said = "actuator_lag cannot act on F in the model 'cart', by what its channels are."
+    with pytest.raises(OptionError, match=re.escape(said)):
+        check_candidates(cart.replace(channels={"F": "measured"}), [effects.ActuatorLag], ["F"])
 
 
 REFUSED = {

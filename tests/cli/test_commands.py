@@ -55,7 +55,7 @@ def test_a_template_is_the_model_of_a_ready_system_with_comments(tmp_path, like)
 def test_the_optional_parts_of_a_template_can_be_taken_in(tmp_path):
     path = tmp_path / "mine.yaml"
     run("init", path)
-    parts = ("columns", "delays", "initial_state", "simulation")
+    parts = ("channels", "columns", "delays", "initial_state", "simulation")
     text = path.read_text()
     for part in (*parts, "tau_force"):
         text = text.replace(f"# {part}:", f"{part}:")
@@ -158,6 +158,21 @@ def test_a_check_says_what_is_converted_and_which_term_does_not_fit(files):
     assert "the term -d*v" in said
 
 
+def test_a_check_says_what_is_assumed_of_the_channels(files):
+    of_none = (
+        "Assumed of the channels: of F, speed nothing is known, and every fault is considered."
+    )
+    assert of_none in " ".join(run("check", *given(files)).stdout.split())
+    path = files / "cart.yaml"
+    path.write_text(path.read_text() + "channels: {speed: tachometer}\n")
+    said = " ".join(run("check", *given(files)).stdout.split())
+    assert "Assumed of the channels: speed is read by a tachometer; of F nothing is known" in said
+    seen = json.loads(run("check", *given(files), "--json").stdout)["quantities"]
+    assert {q["name"]: q["channel"] for q in seen} == {"F": "", "speed": "tachometer"}
+    path.write_text(path.read_text().replace("tachometer", "tacho"))
+    assert "got 'tacho'. Remedy: write tachometer." in run("check", *given(files), code=2).stderr
+
+
 def test_a_check_opens_every_file_once(files, monkeypatch):
     opened = []
 
@@ -229,10 +244,10 @@ def test_a_fit_that_diverges_in_free_run_is_said_so(files, monkeypatch):
 def test_a_fit_that_ends_at_a_bound_says_so(files):
     text = (files / "cart.yaml").read_text()
     out = files / "fitted.yaml"
-    assert "bound" not in run("fit", *given(files), "--output", out, "--quiet").stdout
+    assert "bound" not in run("fit", *given(files), "--output", out, "--quiet").output
     text = text.replace("value: 0.5", "value: 0.2, bounds: [0.1, 0.3]")
     (files / "cart.yaml").write_text(text)
-    said = run("fit", *given(files), "--output", out, "--quiet", "--force").stdout
+    said = run("fit", *given(files), "--output", out, "--quiet", "--force").stderr
     assert "d ended at a bound (0.1 to 0.3): the records want a value beyond it. Remedy: " in said
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from rubbing_machines import cart_pendulum, stacked_blocks, two_link_arm
 from scipy.integrate import solve_ivp
 
 import sklearn_pgnn.datasets
@@ -35,6 +36,41 @@ def oven():
     )
 
 
+def shaft():
+    """Return two inertias on a shaft."""
+    return PhysicsModel(
+        {"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"},
+        {"a": "v", "b": "w", "v": "(u - d*v - k*(a - b))/J", "w": "(k*(a - b) - d*w)/J"},
+        {"J": 0.01, "k": 3.0, "d": 0.02},
+        {"u": "N m"},
+        inertia={"v": "J", "w": "J"},
+        name="shaft",
+    )
+
+
+def kiln():
+    """Return a body that loses heat to a room whose temperature is recorded."""
+    return PhysicsModel(
+        {"T": "degC"},
+        {"T": "(P + k*(T_room - T))/C"},
+        {"C": 2.0, "k": 0.5},
+        {"P": "W", "T_room": "degC"},
+        name="kiln",
+    )
+
+
+def cell():
+    """Return a cell whose voltage shows its charge, and its current at once."""
+    return PhysicsModel(
+        {"z": ""},
+        {"z": "(I - k*z)/Q"},
+        {"Q": 5.0, "k": 0.5, "R0": 0.2, "c": 1.0},
+        {"I": "A"},
+        {"V": "c*z + R0*I"},
+        name="cell",
+    )
+
+
 SYSTEMS = {"golf": systems.golf_robot, "cart": systems.cart_on_spring, "tanks": systems.two_tanks}
 #: short records of every system, for what does not need long ones
 SHORT = {
@@ -42,16 +78,19 @@ SHORT = {
     "cart": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
     "tanks": {"n_records": 3, "duration": 1000.0, "sample_rate": 0.2, "noise": 0.01},
     "oven": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
+    "shaft": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
+    "kiln": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
+    "cell": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
 }
 #: systems that effects are hidden in
-HOSTS = {**SYSTEMS, "oven": oven}
-#: every effect on the first system that it may act on; the golf robot's damping is too small to
-#: show that it changes
+HOSTS = {**SYSTEMS, "oven": oven, "shaft": shaft, "kiln": kiln, "cell": cell}
+#: every effect on the first system that it may act on and that shows it: the golf robot's damping
+#: is too small to show that it changes, and what is behind the upper tank is hidden
 HIDEABLE = [
     next((system, kind.id) for system, model in HOSTS.items() if kind.targets(model()))
     for kind in effects.CATALOGUE
-    if kind is not effects.ParameterSlope
-] + [("oven", "parameter_slope")]
+    if kind not in (effects.ParameterSlope, effects.RadiationLoss, effects.SecondStore)
+] + [("oven", "parameter_slope"), ("kiln", "radiation_loss"), ("kiln", "second_store")]
 
 
 def pendulum(**parameters):
@@ -161,6 +200,30 @@ def test_a_block_that_leaves_rest_and_stops_within_a_step_comes_to_rest():
     (x,), _ = integrate(sliding_block(level) + push, t, np.zeros((1, 100, 1)), [[0.0, 0.0]])
     assert np.isfinite(x).all()
     assert np.abs(x[t < 1.4, 1]).max() < 1e-6
+
+
+def test_blocks_come_to_rest_one_on_the_other_and_then_on_the_ground():
+    t = np.arange(0, 4, 0.013)
+    model = stacked_blocks(F=0.6, G=0.4)
+    model = model.replace(outputs={"a": model.equations["v1"]})
+    (x,), (a,) = integrate(model, t, np.zeros((1, t.size, 1)), [[2.0, 0.5]])
+    meet = 1.5 / 0.7  # apart: -0.6 and (0.6 - 0.4)/2 m/s^2, then together -0.4/3
+    together = np.maximum(2 - 0.6 * meet - 0.4 / 3 * (t - meet), 0)
+    expected = np.where(t < meet, [2 - 0.6 * t, 0.5 + 0.1 * t], together)
+    np.testing.assert_allclose(x.T, expected, atol=1e-9)
+    slowing = np.where(t < meet, -0.6, np.where(together > 0, -0.4 / 3, 0.0))
+    np.testing.assert_allclose(a[:, 0], slowing, atol=1e-9)
+
+
+@pytest.mark.parametrize("machine", [cart_pendulum, two_link_arm])
+def test_frictions_that_act_on_each_other_agree_with_the_simulation(machine):
+    t = np.arange(0, 3, 0.01)
+    model = machine()
+    u = 1.2 * np.sin(2.0 * t)[:, None] * np.arange(1, len(model.inputs) + 1)
+    x0 = [0.0, 0.2, 0.0, 0.0]
+    ((x,), _), run = integrate(model, t, u[None], [x0]), model.simulate(t, u, x0, substeps=4)
+    assert np.any(x[1:] == 0)
+    np.testing.assert_allclose(x, run.x, atol=1e-4)
 
 
 @pytest.mark.slow

@@ -45,14 +45,15 @@ def balanced(level):
 
 
 @pytest.mark.slow
-def test_friction_that_enters_two_equations_is_found_as_a_formula_of_the_input():
+def test_friction_that_enters_two_equations_is_named_at_the_velocity_of_the_force():
     X, y = balanced(LEVEL)
     catalogue = ["coulomb_friction", "viscous_friction"]
     diagnosis = ModelDiagnosis(CART, catalogue=catalogue, hold="foh").fit(X, y)
-    assert (diagnosis.verdict_, diagnosis.causes_) == ("unexplained", ())
-    formula = diagnosis.discrepancy_.effect
-    assert (formula.target, formula.terms) == ("F", ("sign(v)",))
-    assert formula.coefficients[0] == pytest.approx(-LEVEL, rel=0.02)
+    (cause,) = diagnosis.causes_
+    assert (diagnosis.verdict_, cause.effect, cause.target) == (
+        "cause_named", "coulomb_friction", "v",
+    )  # fmt: skip
+    assert cause.parameters["level"].value == pytest.approx(LEVEL, rel=0.02)
 
 
 def test_nothing_is_missing_without_friction():

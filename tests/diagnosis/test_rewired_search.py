@@ -58,6 +58,23 @@ def test_friction_is_found_beside_a_reversed_sensor():
 
 
 @pytest.mark.slow
+def test_a_turned_term_is_no_rival_of_its_parameter_below_zero():
+    """Without bounds the stiffness may cross zero, which says the same."""
+    cart = PhysicsModel(
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": "(F + k*x - d*v)/m"},
+        {"m": 2.0, "k": 9.0, "d": 0.8},
+        {"F": "N"},
+        {"position": "x"},
+        inertia={"v": "m"},
+    )
+    rig = cart.with_parameters(k=-9.0) + effects.CoulombFriction("v", level=0.8)
+    diagnosis, *_ = diagnosed(rig, cart)
+    assert named(diagnosis) == [("reversed_term", "k*x/m in v"), ("coulomb_friction", "v")]
+    assert diagnosis.verdict_ == "cause_named"
+
+
+@pytest.mark.slow
 def test_exchanged_outputs_are_named_with_nothing_beside():
     pair = PhysicsModel(
         {"a": "K", "b": "K"},

@@ -5,18 +5,21 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sledge import SLEDGE
 
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis import rivals
 from sklearn_pgnn.diagnosis.rivals import find_rivals, likelier, not_refuted
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
+from sklearn_pgnn.physics.effects.wiring import ReversedTerm
 
 CAUSE = effects.ConstantLoad("v")
 LIKE = effects.CoulombFriction("v")  # as many parameters
 DRAG = effects.QuadraticDrag("v")
 DEARER = effects.StribeckFriction("v")
 SAME = effects.InputBias("F")
+FITTER = SimpleNamespace(problem=SimpleNamespace(prior=SLEDGE))
 CRITERION = SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=20)
 
 
@@ -27,7 +30,7 @@ def trial_of(*causes):
     return SimpleNamespace(hypothesis=hypothesis, fit=SimpleNamespace(model=None, objective=1.0))
 
 
-def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=()):
+def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=(), cause=CAUSE):
     """Return the rivals of a cause and what is likelier, given how surely the cause is."""
     trials = {other: trial_of(*beside, other) for other in evidence}
     over = {id(trial): evidence[other] for other, trial in trials.items()}
@@ -39,17 +42,17 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=()):
     )
     ladder = SimpleNamespace(
         in_place=lambda final, cause: list(trials.values()),
-        fitter=SimpleNamespace(problem=None),
+        fitter=FITTER,
         candidates=(CAUSE, LIKE, DRAG, DEARER),
-        same={CAUSE: (SAME,), LIKE: (SAME,), DRAG: (), DEARER: ()},
+        same={**dict.fromkeys(evidence, ()), CAUSE: (SAME,), LIKE: (SAME,), DRAG: (), DEARER: ()},
     )
-    final = trial_of(*beside, CAUSE)
+    final = trial_of(*beside, cause)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rivals, "resemble", lambda problem, model, cause, other: other in resembling)
         patch.setattr(rivals, "_is_same", lambda fitter, rest, cause, other: other in equal)
-        near = not_refuted(compare, ladder, final, CAUSE)
-        first = [trial.hypothesis.causes[-1] for trial in likelier(final, near)]
-        return find_rivals(ladder, final, CAUSE, near), first
+        near = not_refuted(compare, ladder, final, cause)
+        first = [trial.hypothesis.causes[-1] for trial in likelier(FITTER, final, near)]
+        return find_rivals(ladder, final, cause, near), first
 
 
 @given(st.floats(-100, 100))
@@ -70,8 +73,31 @@ def test_of_two_that_nothing_separates_the_one_that_fits_all_records_better_is_f
 ):
     final, trial = trial_of(CAUSE), trial_of(LIKE)
     final.fit.objective, trial.fit.objective = 100.0, objective
-    assert [t.hypothesis.causes[-1] for t in likelier(final, [(trial, 0.0)])] == first
-    assert likelier(final, [(trial, 1e-3)]) == []
+    assert [t.hypothesis.causes[-1] for t in likelier(FITTER, final, [(trial, 0.0)])] == first
+    assert likelier(FITTER, final, [(trial, 1e-3)]) == []
+
+
+@pytest.mark.parametrize(
+    "stand_in",
+    [effects.SensorBias("v"), effects.SensorRectification("v"), effects.ParameterDrift("d")],
+)
+def test_an_effect_of_the_plant_comes_before_one_of_a_sensor_that_does_as_well(stand_in):
+    plant, sensor = trial_of(CAUSE), trial_of(stand_in)
+    plant.fit.objective = 103.0
+    sensor.fit.objective = 100.0  # it fits a little better, as what is bent to the records does
+    assert likelier(FITTER, sensor, [(plant, 0.0)]) == [plant]
+    assert likelier(FITTER, plant, [(sensor, 0.0)]) == []
+    assert likelier(FITTER, sensor, [(plant, 1e-3)]) == []  # where records tell, they decide
+    assert likelier(FITTER, plant, [(sensor, -1e-3)]) == [sensor]
+
+
+@pytest.mark.parametrize(("name", "is_said"), [("d", False), ("m", True)])
+def test_the_sign_of_a_term_and_that_of_its_parameter_are_no_rivals(name, is_said):
+    """The sign of m turns two terms, that of d only the one."""
+    turned, value = ReversedTerm("-d*v/m in v"), effects.WrongParameter(name)
+    for cause, other in ((turned, value), (value, turned)):
+        found, first = rivals_of({other: -1.0}, cause=cause)
+        assert bool(found) is bool(first) is is_said
 
 
 def test_what_takes_more_parameters_is_no_rival_however_near():

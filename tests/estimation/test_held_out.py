@@ -152,7 +152,7 @@ def test_what_the_others_teach_has_forgotten_the_fold(monkeypatch):
         args = fit.model, windows.select(which), fit.freedoms, x0[which], spread
         further = fit_windows(*args, **options).objective
         count = windows.lengths[which].sum()
-        assert fit.objective - further < fit.objective / count
+        assert fit.objective - further < 4.0 * fit.objective / count  # a few units of chi-square
 
 
 SLIDE = PhysicsModel(

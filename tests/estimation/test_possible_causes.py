@@ -17,6 +17,17 @@ pytestmark = pytest.mark.core
 OVEN = PhysicsModel(
     {"T": "K"}, {"T": "P/C - (T - Ts)/R"}, {"C": 500.0, "R": 100.0}, {"P": "W", "Ts": "K"}
 )
+#: two inertias on a shaft
+SHAFT = PhysicsModel(
+    {"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"},
+    {"a": "v", "b": "w", "v": "(u - k*(a - b))/J", "w": "(k*(a - b) - d*w)/J"},
+    {"J": 0.01, "k": 30.0, "d": 0.02},
+    {"u": "N m"},
+)
+#: a cell whose current is in its voltage
+CELL = PhysicsModel(
+    {"z": ""}, {"z": "I/Q"}, {"Q": 40.0, "c": 3.0, "R0": 0.3}, {"I": "A"}, {"V": "c*z + R0*I"}
+)
 
 
 def test_roots_of_what_may_be_negative_are_no_obstacle():
@@ -30,7 +41,7 @@ def test_roots_of_what_may_be_negative_are_no_obstacle():
 
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
 def test_an_effect_that_the_model_was_extended_by_is_no_candidate(kind):
-    models = systems.cart_on_spring(), systems.two_tanks(), OVEN
+    models = systems.cart_on_spring(), systems.two_tanks(), OVEN, SHAFT, CELL
     model, target = next((model, t) for model in models for t in kind.targets(model))
     candidates = possible_causes(model + kind(target), effects.CATALOGUE)
     assert (kind(target) in candidates) is (not kind.quantities())
@@ -62,7 +73,7 @@ def test_a_name_that_the_model_uses_otherwise_is_told_of():
 
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
 def test_an_extended_model_uses_no_name_otherwise(kind, recwarn):
-    models = systems.cart_on_spring(), systems.two_tanks(), OVEN
+    models = systems.cart_on_spring(), systems.two_tanks(), OVEN, SHAFT, CELL
     model, target = next((model, t) for model in models for t in kind.targets(model))
     warn_of_taken_names(model + kind(target), effects.CATALOGUE)
     assert not recwarn

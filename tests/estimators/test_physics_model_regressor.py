@@ -15,6 +15,7 @@ from far_cluster import FarCluster
 from sklearn.base import clone
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+from sledge import SLEDGE, drive
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_pgnn
@@ -60,6 +61,27 @@ def fitted():
 def simulate_from(model, states, name):
     rows = X[X["trajectory"] == name]
     return model.simulate(rows["t"], rows["force"], states, substeps=4).y[:, 0]
+
+
+@pytest.mark.parametrize(("low", "high", "end"), [(0.1, 0.3, 0.3), (0.9, 4.0, 0.9)])
+def test_a_parameter_that_ends_at_a_bound_is_warned_of_with_the_remedy(low, high, end):
+    t, v = drive()
+    d = {"value": (low * high) ** 0.5, "bounds": (low, high)}
+    model = SLEDGE.replace(parameters={"m": 2.0, "d": d})
+    said = rf"d ended at a bound \({low:g} to {high:g}\).*Remedy: widen the bounds"
+    with pytest.warns(FitWarning, match=said):
+        fitted = PhysicsModelRegressor(model, search="local").fit(t, v)
+    assert fitted.parameters_["d"].value == pytest.approx(end)
+
+
+@pytest.mark.parametrize("bounds", [(0.1, 4.0), (0.0, 4.0)])
+def test_a_parameter_within_its_bounds_or_at_zero_is_not_warned_of(bounds):
+    t, v = drive(SLEDGE if bounds[0] else SLEDGE.with_parameters(d=0.0))
+    model = SLEDGE.replace(parameters={"m": 2.0, "d": {"value": 0.5, "bounds": bounds}})
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        PhysicsModelRegressor(model, search="local").fit(t, v)
+    assert not [each for each in told if "bound" in str(each.message)]
 
 
 def test_whole_trajectories_are_fitted_in_free_run():

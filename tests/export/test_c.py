@@ -5,10 +5,12 @@ import ctypes
 import numpy as np
 import pytest
 from c_program import compile_c, run_c
+from rubbing_machines import cart_pendulum, stacked_blocks, two_link_arm
 
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export import to_c
+from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.scales import Scales
 
 pytestmark = pytest.mark.core
@@ -18,7 +20,17 @@ INTERVAL, SAMPLES = 1 / 128, 100_000
 CART = systems.cart_on_spring()
 GOLF = systems.golf_robot() + effects.StribeckFriction("omega", 0.1, 0.1, 0.3)
 TANKS = systems.two_tanks() + effects.Overflow("x1", limit=7.0, steepness=1.0, share=0.6)
+SHAFT = PhysicsModel(
+    {"a": "rad", "b": "rad", "v": "rad/s", "w": "rad/s"},
+    {"a": "v", "b": "w", "v": "(u - k*(a - b))/J", "w": "k*(a - b)/J"},
+    {"J": 0.01, "k": 3.0},
+    {"u": "N m"},
+)
 OVEN = PhysicsModel({"T": "K"}, {"T": "P/C"}, {"C": 80.0}, {"P": "W", "T_room": "K"})
+HOUSE = PhysicsModel(
+    {"T": "K"}, {"T": "(P + h*(To - T))/C"}, {"C": 80.0, "h": 2.0}, {"P": "W", "To": "K"}
+)
+CELL = PhysicsModel({"z": ""}, {"z": "I/Q"}, {"Q": 9.0, "R": 0.1}, {"I": "A"}, {"V": "z + R*I"})
 CLOCK = PhysicsModel(
     {"x": "m"},
     {"x": "abs(sin(w*t))**1.5*sign(sin(w*t)) - x - floor(3*x)/9 + atan2(x, 2)/4 + t/(1 + t**5)"},
@@ -69,9 +81,29 @@ def test_friction_that_sticks_does_so_in_c(tmp_path):
     assert 0.05 < np.mean(X[:, 1] == 0) < 0.95
 
 
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+@pytest.mark.parametrize(
+    ("model", "size"),
+    [
+        (cart_pendulum(Fc=2.0, Fp=0.4), 3.0),
+        (stacked_blocks(F=2.0, G=1.5), 3.0),
+        (two_link_arm(F1=7.0, F2=2.0), 1.5),
+    ],
+    ids=lambda each: getattr(each, "name", ""),
+)
+def test_frictions_that_act_on_each_other_stick_in_c(model, size, hold, tmp_path):
+    rates = model.equations
+    model = model.replace(outputs={f"rate_of_{v}": rates[v] for v in list(model.states)[-2:]})
+    found, expected = both(model, tmp_path, size, n=1500, hold=hold, substeps=2)
+    assert agree(found, expected, 1e-9)
+    flows = expected[0] @ np.array(dry_friction(model).rows).T
+    at_rest = (np.abs(flows) < 1e-12).mean(axis=0)
+    assert np.all((at_rest > 0.01) & (at_rest < 0.99))
+
+
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
 def test_every_effect_of_the_catalogue_is_in_the_c(kind, tmp_path):
-    machines = (CART, systems.two_tanks(), systems.golf_robot(), OVEN)
+    machines = (CART, systems.two_tanks(), systems.golf_robot(), OVEN, SHAFT, HOUSE, CELL)
     model = next(machine for machine in machines if kind.targets(machine))
     target = kind.targets(model)[0]
     effect = (*kind.starts(target, model, scales_of(model)), kind(target))[0]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rubbing_machines import stacked_blocks
 
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import ModelError, OptionError
@@ -99,3 +100,10 @@ def test_what_it_cannot_express_is_refused_with_the_remedy(model, what):
 def test_options_that_are_none_are_refused(model, options, what):
     with pytest.raises(OptionError, match=what):
         to_casadi(model, **options)
+
+
+def test_friction_between_two_bodies_is_rounded_off_over_their_difference():
+    rate = to_casadi(stacked_blocks(), friction_width=0.01)([0.02, 0.01], [5.0], [], 0.0)[0]
+    between, below = 3.0 * np.tanh(1.0), np.tanh(1.0)
+    expected = [5.0 - between, (between - below) / 2]
+    assert rate.full().ravel() == pytest.approx(expected, rel=1e-12)

@@ -5,6 +5,7 @@ import numpy as np
 import pymoca.parser
 import pytest
 from pymoca.backends.casadi.api import transfer_model
+from rubbing_machines import stacked_blocks
 
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import ModelError, OptionError
@@ -78,6 +79,13 @@ def test_dry_friction_is_rounded_off_or_refused():
     assert pymoca.parser.parse(text) is not None
     with pytest.raises(OptionError, match="a speed above 0"):
         to_modelica(robot, friction_width=-1.0)
+
+
+def test_friction_between_two_bodies_is_rounded_off_over_their_difference():
+    text = to_modelica(stacked_blocks(), friction_width=0.01)
+    assert text.count("tanh(100.0*v1 - 100.0*v2)") == 2
+    with pytest.raises(ModelError, match="'v2' sticks in dry friction"):
+        to_modelica(stacked_blocks())
 
 
 def test_what_is_no_model_is_refused():

@@ -323,12 +323,13 @@ def test_an_error_knows_its_entry():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ({"states": {"x": ""}}, "expected the key 'equations', got states."),
+        ({"states": {"x": ""}}, "equations: the equation of state 'x' is missing."),
         ({}, "expected the key 'states', got none."),
         (
             {"states": {"x": ""}, "equations": {"x": "0"}, "color": "red"},
             "unknown key 'color'; expected one of states, equations, parameters, inputs, outputs, "
-            "name, inertia, energy, delays, initial_state, settled, columns, simulation.",
+            "name, inertia, forces, capacity, flows, energy, delays, initial_state, settled, "
+            "columns, channels, simulation, let, ports.",
         ),
     ],
 )

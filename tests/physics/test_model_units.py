@@ -64,7 +64,8 @@ def test_a_check_speaks_of_torque_where_the_machine_turns():
         inertia={"v": "m"},
     )  # fmt: skip
     for kind in (StribeckFriction, QuadraticDrag):
-        assert "torque" in worded_for(turning, "w", kind.check)
-        assert "force" not in worded_for(turning, "w", kind.check)
-        assert worded_for(sliding, "v", kind.check) == kind.check
+        _, check = worded_for(turning, kind("w"))
+        assert "torque" in check
+        assert "force" not in check
+        assert worded_for(sliding, kind("v")) == (kind.summary, kind.check)
     assert "level plus the peak" in StribeckFriction.summary

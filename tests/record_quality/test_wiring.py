@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+import sympy
 from ruamel.yaml import YAML
 
 from sklearn_pgnn import PhysicsModel, datasets, effects, systems
@@ -18,6 +19,8 @@ from sklearn_pgnn.physics.effects.wiring import (
     ReversedOutput,
     ReversedTerm,
 )
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.record_quality import wiring as wiring_module
 from sklearn_pgnn.record_quality.wiring import find_wiring
 from sklearn_pgnn.trajectories import read_records
 
@@ -46,6 +49,9 @@ TWIN = PhysicsModel(
     {"left": "N", "right": "N"},
     {"x": "x"},
     name="twin",
+)
+DISC = PhysicsModel(
+    {"angle": "deg"}, {"angle": "(u - angle)/T"}, {"T": 0.7}, {"u": "deg"}, name="disc"
 )
 CART = systems.cart_on_spring()
 
@@ -76,6 +82,13 @@ def records(rig, model, seed=0, dt=0.05, n=400, lost=0.01):
         (CART, ReversedTerm("-k*x/m in v"), "equations: {v: "),
         (MOTOR, OutputFactor("57.2957795131 on speed"), 'columns: {speed: "speed [deg/s]"}'),
         (MOTOR, OutputFactor("4096 on speed"), 'outputs: {speed: "4096*w"}'),
+        (MOTOR, OutputFactor(f"{2048 / (2 * np.pi):.12g} on speed"), 'outputs: {speed: "1024*w/pi'),
+        (
+            MOTOR,
+            OutputFactor(f"{10_000 / (2 * np.pi):.12g} on speed"),
+            'outputs: {speed: "5000*w/pi',
+        ),
+        (DISC, OutputFactor(f"{1024 / 360:.12g} on angle"), 'outputs: {angle: "'),
         (PAIR, InputFactor("0.001 on left"), "equations: {a: "),
     ],
 )
@@ -101,6 +114,22 @@ def test_another_unit_of_time_is_found(unit, second):
     found = find_wiring(CART, read_records(CART, np.c_[t / second, u], y))
     assert found.wirings[0] == OtherClock(unit)
     assert found.wirings[0].lines(CART) == f'columns: {{t: "t [{unit}]"}}'
+
+
+def test_what_acts_on_nothing_is_not_fitted():
+    """Thousands of constants that no equation uses cost a check nothing."""
+    more = {f"p{i}": 1.0 for i in range(50)}
+    model = MOTOR.replace(parameters={**MOTOR.parameters, **more})
+    assert [each.name for each in wiring_module._freedoms(model, True)] == ["kv", "ka"]
+
+
+def test_counts_are_told_by_the_turn():
+    counts = OutputFactor(f"{4096 / (2 * np.pi):.12g} on speed")
+    assert counts.title(counts.target) == "factor 651.9 (4096 counts a turn) on speed"
+    assert counts.apply(MOTOR).outputs["speed"] == 2048 * symbol("w") / sympy.pi
+    assert InputFactor(f"{500 / (2 * np.pi):.12g} on volt") not in map(
+        InputFactor, InputFactor.targets(MOTOR)
+    )  # a voltage has no turns
 
 
 def test_a_wrong_wiring_is_found_beside_missing_friction():
@@ -165,3 +194,33 @@ def test_a_model_that_ends_at_once_has_no_wiring_and_is_no_bug(rate):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert find_wiring(model, read_records(model, X, np.sin(3 * t))) is None
+
+
+TIED = PhysicsModel(
+    {"x": "m", "v": "m/s", "z": "m"},
+    {"x": "v", "v": "F - k*x - v", "z": "x - z"},
+    {"k": 9.0},
+    {"F": "N"},
+    outputs={"a": "x", "b": "z"},
+)
+
+
+@pytest.mark.parametrize(
+    ("wiring", "outputs"),
+    [
+        (ReversedOutput("b"), {"b"}),
+        (ExchangedOutputs("a and b"), {"a", "b"}),
+        (ReversedTerm("-k*x in v"), {"a"}),
+        (ReversedTerm("-z in z"), {"b"}),
+        (ReversedInput("F"), set()),
+    ],
+    ids=lambda each: getattr(each, "id", ""),
+)
+def test_what_a_wiring_spoils_is_told_by_the_outputs_that_change_with_it(wiring, outputs):
+    assert set(wiring.seen_at(TIED)) == outputs
+    t = np.arange(0, 5, 0.02)
+    one, other = (
+        model.simulate(t, np.sin(3 * t), x0=[0.3, 0.0, 0.1]).y for model in (TIED, TIED + wiring)
+    )
+    for output, changed in zip(TIED.outputs, (one != other).any(axis=0), strict=True):
+        assert changed or output not in outputs

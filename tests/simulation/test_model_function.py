@@ -25,7 +25,7 @@ def run(function, task, t, h, x, S, u, p, s, stuck, out):
     call(function, task, t, h, x, S, u, u, p, s, stuck, out)
 
 
-def run_task(task, model, x, u, *, wrt=(), method="rk4", stuck=(False, False), s=(0.0, 0.0)):
+def run_task(task, model, x, u, *, wrt=(), method="rk4", stuck=(), s=()):
     """Return the states, their sensitivities and the entries behind a task."""
     function, source = compile_model(model, wrt, method)
     n_p = len(wrt)
@@ -33,7 +33,7 @@ def run_task(task, model, x, u, *, wrt=(), method="rk4", stuck=(False, False), s
     x = np.array(x, dtype=float)
     run(
         function.argument, task, 0.0, H, x, S, np.atleast_1d(u).astype(float),
-        parameter_values(model), np.array(s), np.array(stuck), out,
+        parameter_values(model), np.array(s, dtype=float), np.array(stuck, dtype=bool), out,
     )  # fmt: skip
     return x, S, out
 
@@ -71,9 +71,22 @@ def test_derivatives_by_some_parameters_are_those_by_all(wrt):
 
 def test_a_stuck_state_stays_with_its_sensitivities():
     model = LINEAR.replace(equations={"x": "v", "v": "u - k*x - sign(v)"})
-    x, S, _ = run_task(STEP, model, [0.5, 0.0], 0.3, stuck=(False, True), s=(0.0, -0.7))
+    x, S, _ = run_task(STEP, model, [0.5, 0.0], 0.3, stuck=(True,), s=(-0.7,))
     assert x.tolist() == [0.5, 0.0]
     np.testing.assert_allclose(S, [[1.0, H], [0.0, 1.0]], rtol=1e-14)
+
+
+def test_what_holds_a_stuck_state_acts_on_the_others():
+    """Two masses, one of which is held: the reaction is what the other equation contains, too."""
+    rates = {"x": "-2*sign(v) - x", "v": "u - 3*x - sign(v)"}
+    x, S, _ = run_task(
+        STEP, LINEAR.replace(equations=rates), [0.5, 0.0], 0.3, stuck=(True,), s=(0,)
+    )
+    # sign(v) = u - 3 x, so x' = -2 u + 5 x
+    growth = sum((5 * H) ** k / factorial(k) for k in range(5))
+    assert x[1] == 0
+    np.testing.assert_allclose(x[0], 0.12 + (0.5 - 0.12) * growth, rtol=1e-14)
+    np.testing.assert_allclose(S[0, 0], growth, rtol=1e-14)
 
 
 def test_rates_and_outputs_are_evaluated_in_their_places():

@@ -305,7 +305,10 @@ def test_the_name_of_a_state_changes_neither_verdict_nor_numbers():
 @pytest.mark.parametrize(
     ("settled", "message"),
     [
-        ({"x": "u"}, "settled: 'x' expects an input, got 'u'."),
+        (
+            {"x": "u"},
+            "settled: 'x' expects an input, or a state that is not settled itself, got 'u'.",
+        ),
         ({"y": "F"}, "settled: unknown name 'y'; expected one of x, v."),
     ],
 )

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.channel_kinds import usual_kind
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import open_csv
 from sklearn_pgnn.trajectories.file_table import FileTable
@@ -45,8 +46,30 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
     return {
         "columns": [title for title in dict.fromkeys(shared) if title],
         "quantities": needed,
-        "guess": {name: _guess(first, name, unit, shared) for name, _, unit in needed},
+        "guess": {
+            name: {**_guess(first, name, unit, shared), "kind": _kind(model, name, role)}
+            for name, role, unit in needed
+        },
     }
+
+
+def _kind(model: PhysicsModel, name: str, role: str) -> str:
+    """Return what a channel is in the model, else what it usually is."""
+    return "" if role == "time" else model.channels.get(name) or usual_kind(model, name)
+
+
+def with_kinds(model: PhysicsModel, mapping: Mapping) -> PhysicsModel:
+    """Return a model with what was chosen of its channels.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> dict(with_kinds(lag, {"t": {"kind": ""}, "u": {"kind": "measured"}, "y": {}}).channels)
+    {'u': 'measured'}
+    """
+    names = (*model.inputs, *model.outputs)
+    told = {name: mapping.get(name, {}).get("kind", "") for name in names}
+    return model.replace(channels={name: kind for name, kind in told.items() if kind})
 
 
 def _place(title: str, header: Sequence[str]) -> int | None:
@@ -82,27 +105,7 @@ def _guess(table: FileTable, name: str, unit: str, shared: Sequence[str]) -> dic
 
 
 def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping):
-    """Read files as the X and y of a model, by a mapping of its quantities to their columns.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    files : sequence of mapping
-        Every ``file``, and its ``label`` for messages and for the name of the record.
-    mapping : mapping
-        ``column`` and ``unit`` by quantity; and ``sample_time`` [s] if there is no time.
-
-    Returns
-    -------
-    X, y : DataFrame
-        Inputs and outputs in the model's units.
-
-    Raises
-    ------
-    RecordError
-        If a quantity has no column, or two have the same, or a file is not a valid record.
-    """
+    """Read files as the X and y of a model, by a mapping of its quantities to their columns."""
     sample_time = _sample_time(mapping)
     _check(model, mapping, sample_time)
     plain = model.replace(columns={})

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from sklearn_pgnn.cli.app.work import Refused
+from sklearn_pgnn.physics.channel_kinds import kinds
 
 #: longest text of a field [characters]
 TEXT = 200
@@ -15,14 +16,29 @@ def clean_mapping(form: object, columns: Mapping) -> dict:
     """Return a mapping of quantities to columns and units."""
     form = form if isinstance(form, Mapping) else {}
     cleaned: dict = {"sample_time": _text(form.get("sample_time", ""))}
-    for name, _, unit in columns["quantities"]:
+    for name, role, unit in columns["quantities"]:
         said = form.get(name)
         said = said if isinstance(said, Mapping) else {}
         column = _text(said.get("column", ""))
         if column and column not in columns["columns"]:
             raise Refused(f"Expected a column of the files for {name!r}, got {column!r}.")
-        cleaned[name] = {"column": column, "unit": _text(said.get("unit", unit)).strip()}
+        kind = _text(said.get("kind", ""))
+        if kind and kind not in choices_of(role):
+            raise Refused(f"Expected a kind of channel for {name!r}, got {kind!r}.")
+        unit = _text(said.get("unit", unit)).strip()
+        cleaned[name] = {"column": column, "unit": unit, "kind": kind}
     return cleaned
+
+
+def choices_of(role: str) -> tuple[str, ...]:
+    """Return the kinds that a quantity of a role can be of.
+
+    Examples
+    --------
+    >>> choices_of("time"), choices_of("input")[:2]
+    ((), ('commanded', 'measured'))
+    """
+    return () if role == "time" else kinds(role == "input")
 
 
 def clean_options(form: object) -> dict:

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns
+from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns, with_kinds
 from sklearn_pgnn.cli.app.look import draw_look
 from sklearn_pgnn.cli.diagnose import fit_kept, write_results
 from sklearn_pgnn.cli.guard import Bug
@@ -100,7 +100,7 @@ def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
 def look(progress: Callable, files, mapping, options) -> dict:
     """Plot the records together with the model as given."""
     progress("reading the records")
-    model = PhysicsModel.from_yaml(MODEL)
+    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
     X, y = read_mapped(model, files, mapping)
     progress("simulating the model as given")
     LOOK.write_text(draw_look(model, X, y), encoding="utf-8")
@@ -110,7 +110,7 @@ def look(progress: Callable, files, mapping, options) -> dict:
 def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
     """Diagnose, write the files of the result, and return the data for display."""
     progress("reading the model and the records")
-    model = PhysicsModel.from_yaml(MODEL)
+    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
     X, y = read_mapped(model, files, mapping)
     diagnosis = ModelDiagnosis(model, progress=progress, **options)
     broken, warned = fit_kept(diagnosis, X, y)

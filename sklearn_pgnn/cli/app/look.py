@@ -17,20 +17,7 @@ SIGHT = 1.0
 
 
 def draw_look(model: PhysicsModel, X, y) -> str:
-    """Return how the model as given follows the records: warnings, a table, and every record.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    X, y : DataFrame
-        The records.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return how the model as given follows the records: warnings, a table, and every record."""
     seen = first_look(model, X, y)
     records = read_records(model, X, y)
     runs = run_records(model, records)

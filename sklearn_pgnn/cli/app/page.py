@@ -2,6 +2,7 @@
 
 from markupsafe import Markup
 
+from sklearn_pgnn.cli.app.forms import choices_of
 from sklearn_pgnn.cli.app.limits import RECORD_BYTES
 from sklearn_pgnn.cli.app.render import render
 from sklearn_pgnn.cli.app.visitor import Visitor
@@ -41,8 +42,9 @@ def _choices(visitor: Visitor) -> list[dict]:
     """Return every quantity with its chosen column and unit."""
     if visitor.columns is None:
         return []
-    nothing = {"column": "", "unit": ""}
+    nothing = {"column": "", "unit": "", "kind": ""}
     return [
-        {"name": name, "role": role, "needs": unit, **visitor.mapping.get(name, nothing)}
+        {"name": name, "role": role, "needs": unit, "kinds": choices_of(role)}
+        | visitor.mapping.get(name, nothing)
         for name, role, unit in visitor.columns["quantities"]
     ]

@@ -5,20 +5,7 @@ from importlib.resources import files
 
 
 def render(name: str, **content) -> str:
-    """Return a template of the page, filled with its content.
-
-    Parameters
-    ----------
-    name : str
-        The template's file.
-    **content
-        Its variables.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a template of the page, filled with its content."""
     return _room().get_template(name).render(**content)
 
 

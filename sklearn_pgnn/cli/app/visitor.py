@@ -94,7 +94,7 @@ class Visitor:
     records : list of RecordFile
         The files.
     mapping : dict
-        ``column`` and ``unit`` by quantity; and ``sample_time``.
+        ``column``, ``unit`` and ``kind`` by quantity; and ``sample_time``.
     looked : bool
         Whether the plots of the records and the model are available.
     running : Stages or None

@@ -13,20 +13,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
-    """Return what is shown of every cause.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    members : dict of int to list of Member
-        By the number of a cause, what may stand in its place; see `members_of`.
-
-    Returns
-    -------
-    list of dict
-        Plain text by the template's variable.
-    """
+    """Return what is shown of every cause."""
     worth = [part for part in parts_of_error(diagnosis) if part.kind == "cause"]
     return [
         {
@@ -55,6 +42,7 @@ def _cause(diagnosis, cause) -> dict:
             for field, e in cause.parameters.items()
         ],
         "probability": chance(cause.probability),
+        "outside": chance(cause.outside),
         "tested": cause.tested,
         "separations": [
             separation_sentence(found) for found in diagnosis.separations_ if found.cause == mine
@@ -69,6 +57,6 @@ def _member(diagnosis, member: Member) -> dict:
         "probability": chance(member.probability),
         "sizes": listed(size.strip() for size in sizes),
         "left": times(member.left),
-        "check": worded_for(diagnosis.model, member.effect.target, member.effect.check),
+        "check": worded_for(diagnosis.model, member.effect)[1],
         "file": file_of(member.model),
     }

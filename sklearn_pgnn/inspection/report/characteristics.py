@@ -41,20 +41,7 @@ class Characteristic:
 
 
 def characteristics(diagnosis, members: dict[int, list[Member]]) -> list[Characteristic]:
-    """Return the characteristics of the causes, and of what no cause explains.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    members : dict of int to list of Member
-        By the number of a cause, what may stand in its place.
-
-    Returns
-    -------
-    list of Characteristic
-        One for each.
-    """
+    """Return the characteristics of the causes, and of what no cause explains."""
     drawn = []
     for number, cause in enumerate(diagnosis.causes_):
         case = make_case(diagnosis, cause)

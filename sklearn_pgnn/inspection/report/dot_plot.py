@@ -66,18 +66,7 @@ class DotPlot:
 
 
 def dot_plot(diagnosis) -> DotPlot | None:
-    """Return the dot plot; None where no candidate was looked at alone.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    DotPlot or None
-        Rows and axis.
-    """
+    """Return the dot plot; None where no candidate was looked at alone."""
     found, errors = left_alone(diagnosis), together(diagnosis)
     if not found or not math.isfinite(errors.refitted):
         return None

@@ -6,41 +6,19 @@ from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.words import UNNAMED, place_name
-from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
+from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
 
 
 def title(diagnosis) -> str:
-    """Return the finding in a line.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        The model's name, what was found, and how large it is.
-    """
+    """Return the finding in a line."""
     found, name = _FOUND[diagnosis.verdict_](diagnosis), diagnosis.model.name
     return found if name == PhysicsModel.name else f"{name}: {found}"
 
 
 def verdict_line(diagnosis) -> str:
-    """Return the verdict in few words, and what weakens it.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        As in "Cause named, but further error remains".
-    """
+    """Return the verdict in few words, and what weakens it."""
     said = VERDICTS[diagnosis.verdict_]
     if diagnosis.verdict_ == "nothing_found":
         said += "; more than noise is left"
@@ -57,7 +35,7 @@ def verdict_line(diagnosis) -> str:
 
 def leaves_more(diagnosis) -> bool:
     """Return whether physics is missing beside the causes."""
-    return diagnosis.remaining_.kind == "structure" or leaves_much(diagnosis)
+    return diagnosis.remaining_.kind == "structure" or diagnosis.remaining_.is_much
 
 
 def cause_with_size(cause) -> str:

@@ -50,18 +50,7 @@ class Forest:
 
 
 def forest(diagnosis) -> Forest:
-    """Return the parameters of a diagnosis as rows with strips.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    Forest
-        Rows and axis.
-    """
+    """Return the parameters of a diagnosis as rows with strips."""
     facts, found = parameter_facts(diagnosis), diagnosis.parameters_
     freedoms = {f.name: f for f in diagnosis.records_.fits[diagnosis.records_.best].freedoms}
     moves = [

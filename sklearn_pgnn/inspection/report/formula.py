@@ -13,10 +13,10 @@ from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
 from sklearn_pgnn.inspection.report.correlation import fitted_again
 from sklearn_pgnn.inspection.words import dependence, place_name
-from sklearn_pgnn.physics.derived_units import rate_unit
-from sklearn_pgnn.physics.effects.rates import unit_of_force
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import is_effort, unit_at
+from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
 
 
@@ -66,17 +66,21 @@ class FoundFormula:
 
     @property
     def unit(self) -> str:
-        """Unit of what the formula says: of a rate, or of the input or output."""
-        unit = self.model.unit(self.part.target)
-        if self.part.target not in self.model.states:
-            return unit
-        return rate_unit(unit)
+        """Unit of what the formula says: of an effort, a rate, or of the input or output."""
+        return unit_at(self.model, self.part.target)
 
     @property
     def force(self) -> str:
-        """Unit of the force that it stands for; empty where the target has no inertia."""
-        has_inertia = self.part.target in self.model.inertia
-        return unit_of_force(self.model, self.part.target) if has_inertia else ""
+        """Unit of the force that a rate stands for; empty where it has no inertia."""
+        target, model = self.part.target, self.model
+        is_rate = target in model.inertia and not is_effort(model, target)
+        return model.port(target).unit if is_rate else ""
+
+    @property
+    def inertia(self) -> str:
+        """The inertia of a rate that a force stands for."""
+        port = self.model.port(self.part.target) if self.force else None
+        return "" if port is None else to_text(inertia_at(port, self.model))
 
     @cached_property
     def samples(self) -> Samples:
@@ -143,7 +147,7 @@ def told_formula(formula: FoundFormula) -> dict:
         "left": times(formula.part.error),
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(formula.force),
-        "inertia": to_text(formula.model.inertia[part.target]) if formula.force else "",
+        "inertia": formula.inertia,
         "mathml": mathml_of(formula.expression, formula.moving),
         "text": to_text(formula.expression),
         "terms": [

@@ -57,20 +57,7 @@ def all_members(diagnosis) -> dict[int, list[Member]]:
 
 
 def members_of(diagnosis, cause) -> list[Member]:
-    """Return a cause and its rivals, every rival fitted in its place.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    cause : NamedCause
-        One of its causes.
-
-    Returns
-    -------
-    list of Member
-        The cause, then its rivals.
-    """
+    """Return a cause and its rivals, every rival fitted in its place."""
     records, known = diagnosis.records_, known_effects(diagnosis)
     mine = next(e for e in records.causes if (e.id, e.target) == (cause.effect, cause.target))
     extended = records.fits["extended"]

@@ -5,23 +5,13 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from sklearn_pgnn.inspection.numbers import number, percent
+from sklearn_pgnn.physics.channel_kinds import in_words
 
 LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
 
 
 def method(diagnosis) -> str:
-    """Return how it was done.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        Some sentences.
-    """
+    """Return how it was done."""
     records, window = diagnosis.records_, diagnosis.window_
     count, samples = len(records.names), records.windows.t.size
     length = f"{number(window, 3)} s"
@@ -36,7 +26,15 @@ def method(diagnosis) -> str:
         f"integration steps from sample to sample: {diagnosis.substeps_}. "
         f"Intervals are 95 % intervals, robust to residuals that are not white. The noise of an "
         f"output is the white part of what the extended model leaves of it over windows."
+        f"{_channels(diagnosis.model)}"
     )
+
+
+def _channels(model) -> str:
+    """Return which faults were left out, where the model says what its channels are."""
+    if not model.channels:
+        return ""
+    return f" Only faults that the channels can have were tried: {in_words(model)}."
 
 
 def _hold(hold: str) -> str:

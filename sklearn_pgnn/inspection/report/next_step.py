@@ -14,18 +14,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def next_step(diagnosis) -> str:
-    """Return what to do next: model and records first, then what separates, then the rig.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        One or two sentences.
-    """
+    """Return what to do next: model and records first, then what separates, then the rig."""
     wider = spread_remedy(diagnosis)
     if diagnosis.verdict_ == "predicts_nothing":
         return f"{wider} {runaway_remedy(diagnosis)}".lstrip()
@@ -71,10 +60,8 @@ def _separate(diagnosis) -> str:
 def _checks(diagnosis, cause) -> str:
     """Return how a cause and its rivals are checked on the rig."""
     known, model = known_effects(diagnosis), diagnosis.model
-    theirs = (
-        worded_for(model, rival.target, known[rival.effect].check) for rival in cause.confused_with
-    )
-    every = (cause.check, *theirs)
+    others = (known[rival.effect](rival.target) for rival in cause.confused_with)
+    every = (cause.check, *(worded_for(model, other)[1] for other in others))
     return " ".join(dict.fromkeys(check for check in every if check))
 
 

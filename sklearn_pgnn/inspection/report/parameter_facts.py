@@ -32,18 +32,7 @@ class ParameterFacts:
 
 
 def parameter_facts(diagnosis) -> ParameterFacts:
-    """Return what became of the parameters.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    ParameterFacts
-        Names of parameters.
-    """
+    """Return what became of the parameters."""
     fit, found = diagnosis.records_.fits[diagnosis.records_.best], diagnosis.parameters_
     free = {freedom.name: freedom for freedom in fit.freedoms}
     value = {name: parameter.value for name, parameter in fit.model.parameters.items()}

@@ -3,18 +3,20 @@
 from dataclasses import dataclass
 
 import numpy as np
-import sympy
 from markupsafe import Markup
 
 from sklearn_pgnn.inspection.balance import Samples
+from sklearn_pgnn.inspection.case import missing_rate_of
 from sklearn_pgnn.inspection.evidence import said_by_formula
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
 from sklearn_pgnn.physics.derived_units import rate_unit
-from sklearn_pgnn.physics.effects.rates import unit_of_force
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import symbol, to_text
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.places import is_effort
+from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states
 
 #: cells of a side, samples that a cell needs, and shades of a colour
@@ -57,30 +59,14 @@ class Maps:
 
 
 def residual_maps(diagnosis, formula: FoundFormula | None) -> list[Maps]:
-    """Return the maps of what is missing.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    formula : FoundFormula or None
-        The formula for what no cause explains.
-
-    Returns
-    -------
-    list of Maps
-        One for the formula's place; else one for every state whose rate is seen, or for the
-        outputs where there is none.
-    """
+    """Return the maps of what is missing."""
     if formula is not None:
         return [_of_formula(diagnosis, formula)]
     model, records = diagnosis.extended_model_, diagnosis.records_
     samples = Samples.of(records, model, model)
-    positions = set(diagnosis.model.kinematic_pairs.values())
-    seen = [s for s in diagnosis.model.states if s in shown_states(diagnosis.model)]
-    states = [state for state in seen if state not in positions]
-    if states:
-        return [_of_rate(diagnosis, samples, state) for state in states]
+    ports = _seen_ports(diagnosis.model)
+    if ports:
+        return [_of_port(diagnosis, samples, name) for name in ports]
     residual = records.fits["extended"].residual
     return [
         _maps(
@@ -103,23 +89,32 @@ def _of_formula(diagnosis, formula: FoundFormula) -> Maps:
         ("what the formula says", said),
         ("left over", left),
     ]
-    title = f"Missing in {target}" + ("'" if target in formula.model.states else "")
+    is_rate = target in formula.model.states and not is_effort(formula.model, target)
+    title = f"Missing in {target}" + ("'" if is_rate else "")
     return _maps(diagnosis, samples, title, formula.unit, target, panels)
 
 
-def _of_rate(diagnosis, samples: Samples, state: str) -> Maps:
+def _seen_ports(model: PhysicsModel) -> list[str]:
+    """Return the places at which what is missing can be taken from the records."""
+    seen, positions = shown_states(model), set(model.kinematic_pairs.values())
+    flows = {name: set(map(str, port.flow.free_symbols)) for name, port in model.ports.items()}
+    states = set(model.states)
+    return [n for n, flow in flows.items() if flow & states <= seen and n not in positions]
+
+
+def _of_port(diagnosis, samples: Samples, name: str) -> Maps:
     model = diagnosis.extended_model_
-    missing = samples.rate(state) - samples.mean(model.equations[state])
-    inertia = model.inertia.get(state)
-    if inertia is None:
-        unit = rate_unit(model.unit(state))
-        return _maps(
-            diagnosis, samples, f"Missing in {state}'", unit, state, [("by the records", missing)]
-        )
-    force = missing * samples.value(sympy.sympify(inertia))
-    title = f"Force that is missing on {state}"
+    port = model.port(name)
+    missing = missing_rate_of(
+        port, model, lambda state: samples.rate(state) - samples.mean(model.equations[state])
+    )
+    if not port.is_power(model):
+        unit, panels = rate_unit(model.unit(name)), [("by the records", missing)]
+        return _maps(diagnosis, samples, f"Missing in {name}'", unit, name, panels)
+    force = missing * samples.value(inertia_at(port, model))
+    place = f"on {name}" if name in model.states else f"at the {name}"
     panels = [("as the records show it", force)]
-    return _maps(diagnosis, samples, title, unit_of_force(model, state), state, panels)
+    return _maps(diagnosis, samples, f"Force that is missing {place}", port.unit, name, panels)
 
 
 def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:
@@ -139,30 +134,24 @@ def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:
 
 
 def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
-    """Return the two quantities over which what is missing at a place is mapped.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    target : str
-        A state, an input or an output.
-
-    Returns
-    -------
-    (str, str)
-        What it depends on first; then the state itself with its position, other states, inputs.
-    """
+    """Return the two quantities over which what is missing at a place is mapped."""
     model, part = diagnosis.extended_model_, diagnosis.discrepancy_
     known = [*model.states, *model.inputs]
     told = [] if part is None else list(part.quantities)
     told += [name for name in diagnosis.remaining_.law.depends_on if name in known]
-    position = model.kinematic_pairs.get(target)
-    own = [name for name in (position, target) if name in known]
+    own = [name for name in _quantities_at(model, target) if name in known]
     every = list(dict.fromkeys([*told, *own, *known, "t"]))
     first, second = every[:2]
     order = {name: place for place, name in enumerate(own)}
     return tuple(sorted((first, second), key=lambda name: order.get(name, -1)))
+
+
+def _quantities_at(model: PhysicsModel, target: str) -> tuple[str, ...]:
+    """Return the displacement and the flow at a port, else the target itself."""
+    if target not in model.ports:
+        return (target,)
+    port = model.port(target)
+    return (port.position, to_text(port.flow))
 
 
 def _panel(title: str, what: str, cells, grids, most: float, unit: str) -> Panel:

@@ -5,18 +5,7 @@ from sklearn_pgnn.inspection.least_size import least_size
 
 
 def smallest_rows(detectability) -> list[dict]:
-    """Return the smallest size of every effect that would have been named.
-
-    Parameters
-    ----------
-    detectability : Detectability or None
-        What the records can show; None where it was not asked.
-
-    Returns
-    -------
-    list of dict
-        Plain text by the template's variable.
-    """
+    """Return the smallest size of every effect that would have been named."""
     if detectability is None:
         return []
     return [

@@ -5,18 +5,7 @@ from sklearn_pgnn.inspection.yardstick import ratio, shown_models
 
 
 def error_rows(diagnosis) -> list[dict]:
-    """Return the errors over held-out windows and in free run, output by output.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    list of dict
-        Plain text by the template's variable: two rows an output.
-    """
+    """Return the errors over held-out windows and in free run, output by output."""
     rows, shown = [], shown_models(diagnosis)
     for output, gain in diagnosis.gain_.items():
         for how, errors in (("held-out windows", gain), ("free run", diagnosis.free_run_[output])):

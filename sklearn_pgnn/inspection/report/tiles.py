@@ -54,18 +54,7 @@ class Tile:
 
 
 def make_tiles(diagnosis) -> tuple[Tile, ...]:
-    """Return the four tiles.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    tuple of Tile
-        What is left, how sure, the records, the parameters.
-    """
+    """Return the four tiles."""
     return (
         _left(diagnosis),
         _sure(diagnosis),

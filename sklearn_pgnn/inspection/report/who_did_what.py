@@ -37,16 +37,6 @@ def parts_of_error(diagnosis) -> list[Part]:
     """Return the given model's error, part by part, from re-tuning down to the noise.
 
     Every cause stands for what it takes away beside those before it.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    list of Part
-        Each begins where the one before ends.
     """
     errors = together(diagnosis)
     parts = [Part("retuning", "re-tuning", errors.prior, errors.refitted)]
@@ -90,18 +80,7 @@ class Segment:
 
 
 def segments_of_bar(diagnosis) -> list[Segment]:
-    """Return the bar of the parts; empty where an error is not finite.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    list of Segment
-        From left to right.
-    """
+    """Return the bar of the parts; empty where an error is not finite."""
     parts = parts_of_error(diagnosis)
     whole = sum(part.size for part in parts)
     if not (math.isfinite(whole) and whole > 0):

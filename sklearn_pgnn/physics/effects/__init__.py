@@ -5,7 +5,10 @@ from difflib import get_close_matches
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.curves import InputCurve, InputPower
 from sklearn_pgnn.physics.effects.dependences import ParameterSaturation, ParameterSlope
+from sklearn_pgnn.physics.effects.directions import CoefficientByDirection
+from sklearn_pgnn.physics.effects.fading import InputFading
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
@@ -16,6 +19,7 @@ from sklearn_pgnn.physics.effects.friction import (
     StribeckFriction,
     ViscousFriction,
 )
+from sklearn_pgnn.physics.effects.gear_friction import GearLoss, LoadStribeckFriction
 from sklearn_pgnn.physics.effects.inputs import (
     ActuatorLag,
     AsymmetricDeadZone,
@@ -27,6 +31,7 @@ from sklearn_pgnn.physics.effects.inputs import (
     InputRateLimit,
     InputSaturation,
 )
+from sklearn_pgnn.physics.effects.joints import ElasticJoint, JointPlay, SpringPlay
 from sklearn_pgnn.physics.effects.levels import (
     Leak,
     LeakToInput,
@@ -34,11 +39,15 @@ from sklearn_pgnn.physics.effects.levels import (
     RateLimit,
     StateLimit,
 )
+from sklearn_pgnn.physics.effects.losses import PowerLoss, RadiationLoss
+from sklearn_pgnn.physics.effects.memory import HystereticSpring
 from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
     SensorCurvature,
     SensorDelay,
+    SensorEccentricity,
     SensorGain,
+    SensorLag,
     SensorRectification,
     SensorSaturation,
 )
@@ -52,12 +61,21 @@ from sklearn_pgnn.physics.effects.springs import (
     LinearStiffness,
     QuadraticStiffness,
 )
+from sklearn_pgnn.physics.effects.stores import (
+    MaxwellBranch,
+    RelaxationBranch,
+    SecondStore,
+    StoreBetween,
+    TwoRelaxationBranches,
+)
 
 CATALOGUE: tuple[type[Effect], ...] = (
     CoulombFriction,
     StribeckFriction,
     AsymmetricFriction,
     LoadFriction,
+    GearLoss,
+    LoadStribeckFriction,
     ViscousFriction,
     QuadraticDrag,
     LinearStiffness,
@@ -67,6 +85,11 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Cogging,
     EndStop,
     Hysteresis,
+    HystereticSpring,
+    ElasticJoint,
+    JointPlay,
+    SpringPlay,
+    MaxwellBranch,
     PeriodicDisturbance,
     RateLimit,
     StateLimit,
@@ -74,22 +97,34 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Leak,
     LeakToLevel,
     LeakToInput,
+    PowerLoss,
+    RadiationLoss,
+    SecondStore,
+    StoreBetween,
     InputBias,
     InputGain,
     InputDeadZone,
     AsymmetricDeadZone,
     InputSaturation,
+    InputFading,
     InputDelay,
     ActuatorLag,
     InputRateLimit,
     InputBacklash,
+    InputPower,
+    InputCurve,
     SensorBias,
     SensorGain,
     SensorCurvature,
+    SensorEccentricity,
     SensorSaturation,
     SensorRectification,
     SensorDelay,
+    SensorLag,
+    RelaxationBranch,
+    TwoRelaxationBranches,
     WrongParameter,
+    CoefficientByDirection,
     ParameterDrift,
     ParameterSlope,
     ParameterSaturation,
@@ -116,6 +151,8 @@ FREQUENT: tuple[type[Effect], ...] = (
     AsymmetricFriction,
     LinearStiffness,
     InputBacklash,
+    SecondStore,
+    RelaxationBranch,
     SensorSaturation,
 )
 
@@ -188,21 +225,6 @@ def _kinds_of(kind: type) -> Iterator[type]:
 
 def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
     """Return the effects that a parameter ``catalogue`` stands for.
-
-    Parameters
-    ----------
-    catalogue : None or sequence of type[Effect] or str
-        Effects or their ids; None means all.
-
-    Returns
-    -------
-    tuple of type[Effect]
-        The effects.
-
-    Raises
-    ------
-    OptionError
-        If it is not a sequence, or an element is neither an effect nor the id of one.
 
     Examples
     --------

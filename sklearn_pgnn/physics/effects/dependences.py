@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,8 @@ import sympy
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.effects.levels import first_order_states
+from sklearn_pgnn.physics.effects.losses import ABSOLUTE
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
@@ -73,9 +75,11 @@ class ParameterSlope(ParameterDependence):
     r"""A parameter that changes in proportion to a signal, :math:`p\,(1 + a s)`.
 
     A diagnosis considers coefficients (the rates are linear in them) that depend on a measured
-    state, or on an input that drives nothing, such as the room temperature. Velocities and the
-    signals that the coefficient itself multiplies are excluded: frictions, springs and
-    `ParameterSaturation` cover those. The signal is measured from its zero.
+    state, or on an input that drives nothing, such as the room temperature; and any other
+    parameter, as a resistance in a denominator or in an output, that depends on a measured
+    first-order state or on such an input. Velocities and the signals that the coefficient itself
+    multiplies are excluded: frictions, springs and `ParameterSaturation` cover those. The signal
+    is measured from its zero.
 
     Parameters
     ----------
@@ -100,14 +104,17 @@ class ParameterSlope(ParameterDependence):
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return coefficients with measured signals that they do not multiply themselves."""
-        return tuple(
-            pair(name, signal)
-            for name, slopes in _coefficients(model).items()
-            for signal in _shown(model)
-            if not _drives_or_moves(model, signal)
-            and not any(slope.has(symbol(signal)) for slope in slopes)
-        )
+        """Return parameters with measured signals that they do not multiply themselves."""
+        signals = [signal for signal in _shown(model) if not _drives_or_moves(model, signal)]
+        linear, stores = _coefficients(model), first_order_states(model)
+        pairs = [(n, s) for n, by in linear.items() for s in signals if not _any_has(by, s)]
+        pairs += [
+            (n, s)
+            for n in _others(model, linear)
+            for s in signals
+            if s in model.inputs or (s in stores and not _is_capacity(model, n))
+        ]
+        return tuple(pair(n, s) for n, s in pairs if _differ(model, n, s))
 
     @classmethod
     def title(cls, target: str) -> str:
@@ -137,7 +144,9 @@ class ParameterSaturation(ParameterDependence):
     output does; with a negative :math:`b` it grows ever more steeply, as a propeller's thrust
     over its voltage does. Candidates are the
     coefficients that multiply a function of a single measured signal. Forces of a velocity or of a
-    position are not among them: they are friction, drag and springs.
+    position are not among them: they are friction, drag and springs. The inductance,
+    capacity or time constant by which the whole rate of a measured state is divided, with that
+    state and with the input of a plain lag, are.
 
     Parameters
     ----------
@@ -177,11 +186,12 @@ class ParameterSaturation(ParameterDependence):
             if any(_moving(model, slope) == {signal} for slope in slopes)
         )
         positions = set(model.kinematic_pairs.values())
-        return tuple(
+        coefficients = tuple(
             pair(name, signal)
             for name, signal in pairs
             if signal in model.inputs or not (is_velocity(model, signal) or signal in positions)
         )
+        return (*coefficients, *(pair(*own) for own in _own_signals(model)))
 
     @classmethod
     def title(cls, target: str) -> str:
@@ -210,6 +220,48 @@ def _coefficients(model) -> dict[str, tuple[sympy.Expr, ...]]:
         if slopes and model.parameters[name].value and not any(s.has(p) for s in slopes):
             found[name] = slopes
     return found
+
+
+def _any_has(expressions, signal: str) -> bool:
+    return any(expression.has(symbol(signal)) for expression in expressions)
+
+
+def _others(model, linear) -> Iterator[str]:
+    """Yield the parameters that the rates are not linear in, or that only outputs hold."""
+    held = {s for mass in model.inertia.values() for s in mass.free_symbols}
+    used = {s for e in (*model.equations.values(), *model.outputs.values()) for s in e.free_symbols}
+    for name in model.free_parameters:
+        if name not in linear and symbol(name) in used - held and model.parameters[name].value:
+            yield name
+
+
+def _differ(model, name: str, signal: str) -> bool:
+    """Return whether a parameter and a signal are not two temperatures."""
+    unit = model.parameters[name].unit
+    return unit not in ABSOLUTE or unit != model.unit(signal)
+
+
+def _divided(model, name: str) -> tuple[str, ...]:
+    """Return the states in whose rates a parameter stands."""
+    return tuple(state for state, rate in model.equations.items() if rate.has(symbol(name)))
+
+
+def _is_capacity(model, name: str) -> bool:
+    """Return whether a parameter divides whole rates, and acts in no other way."""
+    p, rates = symbol(name), [model.equations[state] for state in _divided(model, name)]
+    divides = all(sympy.expand(rate.diff(p) * p + rate) == 0 for rate in rates)
+    return bool(rates) and divides and not _any_has(model.outputs.values(), name)
+
+
+def _own_signals(model) -> Iterator[tuple[str, str]]:
+    """Yield what divides the whole rate of one measured store, with its state and only input."""
+    stores = set(first_order_states(model)) & told_states(model)
+    for name in model.free_parameters:
+        of = _divided(model, name)
+        if len(of) == 1 and of[0] in stores and _is_capacity(model, name):
+            yield name, of[0]
+            moving = _moving(model, model.equations[of[0]]) - {of[0]}
+            yield from ((name, u) for u in moving & set(model.inputs) if len(moving) == 1)
 
 
 def _shown(model) -> tuple[str, ...]:

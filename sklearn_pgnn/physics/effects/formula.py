@@ -11,37 +11,13 @@ import sympy
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects.inputs import substitute
-from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.places import add_at
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
     from sklearn_pgnn.physics.scales import Scales
-
-
-def add_at(model, target: str, expression) -> dict:
-    """Return the changes that add an expression to a rate, to an input or to an output.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    target : str
-        The state whose rate it is added to, or the input or output.
-    expression : sympy.Expr
-        Expression to add.
-
-    Returns
-    -------
-    dict
-        Constructor parameters of `PhysicsModel` and their new values.
-    """
-    if target in model.inputs:
-        return substitute(model, symbol(target), symbol(target) + expression)
-    place = "equations" if target in model.states else "outputs"
-    items = getattr(model, place)
-    return {place: {**items, target: items[target] + expression}}
 
 
 def known_part(formula: Formula, model: PhysicsModel) -> Formula:
@@ -71,14 +47,14 @@ def _is_known(term: str, model: PhysicsModel) -> bool:
 
 @dataclass(frozen=True)
 class Formula(Effect):
-    r"""Terms added to a rate, to an input or to an output, :math:`\sum_i c_i \theta_i(x, u, t)`.
+    r"""Terms added to an effort, a rate, an input or output, :math:`\sum_i c_i \theta_i(x, u, t)`.
 
     It is not a candidate of a diagnosis, but proposed by it where no candidate is adequate.
 
     Parameters
     ----------
     target : str
-        The state whose rate it is added to, or the input or output.
+        The port whose effort it is added to, the state whose rate, or the input or output.
     terms : tuple of str
         Expressions of states, inputs and ``t``.
     coefficients : tuple of float
@@ -103,8 +79,9 @@ class Formula(Effect):
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the names of all states, inputs and outputs."""
-        return tuple(dict.fromkeys((*model.states, *model.inputs, *model.outputs)))
+        """Return the names of all ports, states, inputs and outputs."""
+        names = (*model.states, *model.inputs, *model.outputs, *model.ports)
+        return tuple(dict.fromkeys(names))
 
     @staticmethod
     def next_number(model: PhysicsModel, target: str) -> int:

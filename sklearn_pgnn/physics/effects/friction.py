@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import sympy
 
@@ -18,15 +18,16 @@ from sklearn_pgnn.physics.effects.rates import (
     RateEffect,
     force_scale,
     may_be_speed,
-    unit_of_force,
 )
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded
+from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.effect import Effect
     from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.port import Port
     from sklearn_pgnn.physics.scales import Scales
 
 #: placeholder for the load until the model defines it
@@ -80,7 +81,13 @@ class SpeedEffect(RateEffect):
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the velocities of the model, and of signals that may be speeds."""
         known = super().targets(model)
-        return tuple(s for s in model.states if s in known or may_be_speed(model, s))
+        return tuple(n for n in model.ports if n in known or _may_be_speed(model, n))
+
+
+def _may_be_speed(model: PhysicsModel, name: str) -> bool:
+    """Return whether the flow of a port may be a speed that is not declared as one."""
+    flow = str(model.port(name).flow)
+    return flow in model.states and may_be_speed(model, flow)
 
 
 @dataclass(frozen=True)
@@ -152,29 +159,24 @@ class LoadFriction(SpeedEffect):
     level: float = quantity("Fl", "{force}", low=0.0)
     share: float = quantity("mul", "", low=0.0, high=1.0)
     id = "load_friction"
-    generalises = (CoulombFriction.id,)
-    excludes = (CoulombFriction.id,)
+    generalises: ClassVar[tuple[str, ...]] = (CoulombFriction.id,)
+    excludes: ClassVar[tuple[str, ...]] = (CoulombFriction.id,)
     summary = "Dry friction that grows with the load: a worm gear, a spindle, a toothed gear."
     check = "Lift and lower different weights: the friction grows with the weight."
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the velocities with a driving force."""
-        return tuple(state for state in super().targets(model) if _drive(model, state) != 0)
+        return tuple(name for name in super().targets(model) if driving_force(model, name) != 0)
 
     @classmethod
     def can_act(cls, target: str, model: PhysicsModel) -> bool:
         """Return whether the target may have dry friction."""
         return target in super().targets(model)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Replace the load's symbol by the driving force, and subtract the friction."""
-        changes = super().rewrite(model, p)
-        load = {LOAD: _drive(model, self.target)}
-        return {
-            part: {name: expression.xreplace(load) for name, expression in items.items()}
-            for part, items in changes.items()
-        }
+    def effort(self, model: PhysicsModel) -> sympy.Expr:
+        """Return the friction, with the driving force in the place of the load's symbol."""
+        return super().effort(model).xreplace({LOAD: driving_force(model, self.target)})
 
     def force(
         self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
@@ -184,8 +186,9 @@ class LoadFriction(SpeedEffect):
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the load, by the direction of motion."""
-        load = sympy.Abs(_drive(model, self.target)) * sympy.sign(symbol(self.target))
-        return Characteristic("force", self.target, load, unit=unit_of_force(model, self.target))
+        port = model.port(self.target)
+        load = sympy.Abs(driving_force(model, self.target)) * sympy.sign(port.flow)
+        return Characteristic("force", self.target, load, unit=port.unit)
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
@@ -199,18 +202,57 @@ class LoadFriction(SpeedEffect):
         return {"share": (0.0, 0.95)}
 
 
-def _drive(model, state: str) -> sympy.Expr:
-    """Return the addends of a velocity's force with inputs, or else with first-order states."""
-    inertia = model.inertia.get(state, sympy.Integer(1))
-    known = {state, model.kinematic_pairs.get(state)}
-    addends = sympy.Add.make_args(expanded(_unbounded(model.equations[state]) * inertia))
+def driving_force(model: PhysicsModel, target: str) -> sympy.Expr:
+    """Return the addends of a port's effort with inputs, or else with first-order states."""
+    port = model.port(target)
+    state, forces = _forces_at(model, port)
+    if forces is None:
+        return _drive_of_several(model, port)
+    known = {state, port.position}
+    addends = sympy.Add.make_args(expanded(forces))
     others = [set(map(str, part.free_symbols)) - known for part in addends]
     free = [not part.has(symbol(state)) for part in addends]
-    for driving in ({*model.inputs, *model.settled}, set(first_order_states(model))):
+    for driving in _driving(model):
         drive = [
             part
             for part, names, is_free in zip(addends, others, free, strict=True)
             if is_free and names & driving
+        ]
+        if drive:
+            return sympy.Add(*drive)
+    return sympy.Integer(0)
+
+
+def _forces_at(model: PhysicsModel, port: Port) -> tuple[str, sympy.Expr | None]:
+    """Return the velocity of a port and the sum of forces on it, where the model tells them."""
+    for other, slopes in balances_of(model, port.flow, port.rates).items():
+        if len(slopes) == 1:
+            ((state, slope),) = slopes.items()
+            return state, getattr(model, other)[state] / slope
+    if len(port.rates) > 1:
+        return "", None
+    ((state, mobility),) = port.rates.items()
+    inertia = own_entry(model.inertia, state) or 1 / mobility
+    return state, _unbounded(model.equations[state]) * inertia
+
+
+def _driving(model: PhysicsModel) -> tuple[set[str], set[str]]:
+    """Return the names of what may drive: inputs, or else first-order states."""
+    return {*model.inputs, *model.settled}, set(first_order_states(model))
+
+
+def _drive_of_several(model: PhysicsModel, port: Port) -> sympy.Expr:
+    """Return what enters every rate of a port as the port's effort does."""
+    for driving in _driving(model):
+        columns = {
+            name: {s: slope for s, r in model.equations.items() if (slope := r.diff(symbol(name)))}
+            for name in sorted(driving)
+        }
+        shares = {n: {c / port.rates.get(s, 0) for s, c in of.items()} for n, of in columns.items()}
+        drive = [
+            symbol(n) * next(iter(share))
+            for n, share in shares.items()
+            if len(share) == 1 and set(columns[n]) == set(port.rates)
         ]
         if drive:
             return sympy.Add(*drive)
@@ -431,7 +473,7 @@ class Hysteresis(PositionEffect):
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Subtract the force and add the state."""
         changes = super().rewrite(model, p)
-        v, zeta = symbol(self.target), self.bounded
+        v, zeta = model.port(self.target).flow, self.bounded
         bend = (1 - p["shape"]) * sympy.Abs(v) * zeta + p["shape"] * v * sympy.Abs(zeta)
         changes["equations"][self.state] = (v - bend) / p["deflection"]
         changes["states"] = {**model.states, self.state: ""}
@@ -442,7 +484,7 @@ class Hysteresis(PositionEffect):
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start from a small to a large deflection, of a weak and of a strong force."""
         force = force_scale(target, model, scales)
-        travel = scales.typical[model.kinematic_pairs[target]]
+        travel = scales.typical[model.port(target).position]
         sizes = itertools.product((0.02, 0.2), (0.02, 0.06, 0.2))
         return tuple(cls(target, level * force, share * travel) for level, share in sizes)
 
@@ -452,6 +494,6 @@ class Hysteresis(PositionEffect):
 
         A deflection of the size of the travel is a spring, with a new load in every window.
         """
-        travel, step = scales.typical[model.kinematic_pairs[target]], scales.sample_time
+        travel, step = scales.typical[model.port(target).position], scales.sample_time
         least = max(0.002 * travel, step * scales.typical[target])
         return {"deflection": (least, max(0.3 * travel, 2.0 * least))}

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from sklearn_pgnn.physics.channel_kinds import ACTUATOR
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
-from sklearn_pgnn.physics.expressions import TIME, same_name, symbol
+from sklearn_pgnn.physics.effects.targets import free_name
+from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ class InputEffect(Effect):
     """An input that is replaced by an expression of it, wherever the model uses it."""
 
     phrase = "{effect} of {target}"
+    fault = ACTUATOR
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
@@ -47,16 +50,7 @@ class InputEffect(Effect):
 
 def substitute(model, old, new) -> dict:
     """Return the changes that replace `old` by `new` in every expression of a model."""
-
-    def replaced(items):
-        return {key: item.subs(old, new) for key, item in items.items()}
-
-    return {
-        "equations": replaced(model.equations),
-        "outputs": replaced(model.outputs),
-        "inertia": replaced(model.inertia),
-        "energy": replaced(model.energy),
-    }
+    return model.changed(lambda expression: expression.subs(old, new))
 
 
 @dataclass(frozen=True)
@@ -78,6 +72,11 @@ class InputBias(InputEffect):
 
     bias: float = quantity("bu", "{target}")
     id = "input_bias"
+    fault = "bias"
+    of_reading = (
+        "The reading has a constant offset: the zero is set incorrectly.",
+        "Compare the reading with a second instrument at one known value.",
+    )
     summary = "The actuator output has a constant offset from its command."
     check = "Command zero and measure the actuator output."
 
@@ -110,6 +109,11 @@ class InputGain(InputEffect):
 
     error: float = quantity("gu", "", low=-0.95)
     id = "input_gain"
+    fault = "gain"
+    of_reading = (
+        "The scale of the sensor is off: amplifier gain, shunt, conversion.",
+        "Compare the reading with a second instrument at two known values.",
+    )
     summary = "The actuator output differs from its command by a constant factor."
     check = (
         "Command two values and compare the difference of the outputs with that of the commands."
@@ -255,6 +259,7 @@ class Delay(Effect):
     """A delayed signal, by a delay of at most half a window."""
 
     phrase = "{effect} of {target}"
+    fault = "delay"
 
     delay: float = quantity("tau", "s", low=0.0)
 
@@ -290,6 +295,11 @@ class InputDelay(Delay):
 
     id = "input_delay"
     resembles = MappingProxyType({"actuator_lag": ("delay", "time_constant")})
+    of_reading = (
+        "The machine meets what is read later: transport from the sensor to the machine, or clocks "
+        "that differ.",
+        "Change the quantity at once and compare the reading with the machine's first answer.",
+    )
     summary = "The command acts after a delay: bus, sampling, transport of material."
     check = "Step the command and measure the time until anything moves at all."
 
@@ -312,6 +322,7 @@ class ActuatorEffect(Effect):
     """An input that acts on the machine through a state of the actuator."""
 
     phrase = "{effect} of {target}"
+    fault = ACTUATOR
     #: suffix to the input's name in the name of the state
     ending = ""
 
@@ -337,19 +348,12 @@ class ActuatorEffect(Effect):
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the actuator's state and use it in the equations."""
-        u, acting = symbol(self.target), symbol(self._free_name(model))
+        u, acting = symbol(self.target), symbol(free_name(model, self.target + self.ending))
         changes = substitute(model, u, acting)
         changes["equations"][str(acting)] = self.rate(u, acting, p)
         changes["states"] = {**model.states, str(acting): model.inputs[self.target]}
         changes["settled"] = {**model.settled, str(acting): self.target}
         return changes
-
-    def _free_name(self, model) -> str:
-        """Return the first name for the actuator's state that is free in the model."""
-        wanted = self.target + self.ending
-        taken = {same_name(name) for name in (*model.states, *model.inputs, *model.parameters)}
-        names = (wanted, *(f"{wanted}_{number}" for number in range(2, len(taken) + 3)))
-        return next(name for name in names if same_name(name) not in taken)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+from sklearn_pgnn.physics.repeated_rates import with_rates
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
@@ -52,7 +53,7 @@ class StateEffect(Effect):
         """Replace the target's rate."""
         old = model.equations[self.target]
         new = self.rate(symbol(self.target), old, p)
-        return {"equations": {**model.equations, self.target: new}}
+        return with_rates(model, {self.target: new})
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the missing rate over the state."""
@@ -301,7 +302,7 @@ class LeakToInput(Effect):
         """Subtract the loss from the state's rate."""
         state, name = parts(self.target)
         loss = p["coefficient"] * (symbol(state) - symbol(name))
-        return {"equations": {**model.equations, state: model.equations[state] - loss}}
+        return with_rates(model, {state: model.equations[state] - loss})
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return none: the exchange is a rate."""

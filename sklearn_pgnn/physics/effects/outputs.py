@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,13 +13,21 @@ import sympy
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
-from sklearn_pgnn.physics.expressions import TIME
+from sklearn_pgnn.physics.effects.targets import free_name
+from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.repeated_rates import with_output
+from sklearn_pgnn.physics.units import plain_unit
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
     from sklearn_pgnn.physics.scales import Scales
 
+#: placeholder for the angle that an output measures
+ANGLE = sympy.Symbol("_angle", real=True)
+#: a turn in the units of angles
+TURNS = {"rad": 2 * sympy.pi, "deg": sympy.Integer(360), "rev": sympy.Integer(1)}
+TURNS |= {"turn": TURNS["rev"], "revolution": TURNS["rev"], "mrad": 2000 * sympy.pi}
 #: largest factor by which a curved scale is steeper, or flatter, than at zero
 STEEPEST = 10.0
 
@@ -40,9 +49,7 @@ class OutputEffect(Effect):
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the output."""
-        outputs = dict(model.outputs)
-        outputs[self.target] = self.shown(outputs[self.target], p)
-        return {"outputs": outputs}
+        return with_output(model, self.target, lambda true: self.shown(true, p))
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the error of the sensor over the true output."""
@@ -68,6 +75,7 @@ class SensorBias(OutputEffect):
 
     bias: float = quantity("by", "{target}")
     id = "sensor_bias"
+    fault = "bias"
     summary = "The reading has a constant offset: the zero is set incorrectly."
     check = "Bring the machine to a known position and read the sensor."
 
@@ -100,6 +108,7 @@ class SensorGain(OutputEffect):
 
     error: float = quantity("gy", "", low=-0.95)
     id = "sensor_gain"
+    fault = "gain"
     summary = "The sensor's scale is off: counts per turn, amplifier gain, lever length."
     check = "Move between two known positions and compare the reading's difference."
 
@@ -135,6 +144,7 @@ class SensorCurvature(OutputEffect):
 
     curvature: float = quantity("cy", "{per_target}")
     id = "sensor_curvature"
+    fault = "curvature"
     summary = (
         "The sensor's characteristic is curved: a float on an arm, a thermistor, a worn "
         "potentiometer."
@@ -171,6 +181,78 @@ class SensorCurvature(OutputEffect):
 
 
 @dataclass(frozen=True)
+class SensorEccentricity(OutputEffect):
+    r"""A sensor of an angle that is mounted off centre, :math:`y + a\sin q + b\cos q`.
+
+    The error has one cycle a turn of the angle :math:`q`: the one angle that the output depends on,
+    or the output itself where that is an angle made of several. The output may be in another unit,
+    such as counts or volts.
+
+    Parameters
+    ----------
+    target : str
+        The output.
+    sine, cosine : float, default=0
+        Amplitudes :math:`a, b` [output].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import golf_robot
+    >>> (golf_robot() + SensorEccentricity("phi_measured", sine=0.01)).outputs["phi_measured"]
+    ec_phi_measured*cos(phi) + es_phi_measured*sin(phi) + phi
+    """
+
+    sine: float = quantity("es", "{target}")
+    cosine: float = quantity("ec", "{target}")
+    id = "sensor_eccentricity"
+    fault = "eccentricity"
+    phrase = "off-centre mounting of {target}"
+    lacking = "lacks the"
+    summary = "The error of the angle repeats with every turn: an encoder or a dial off centre."
+    check = "Turn the sensor on its shaft by half a turn: the error at an angle changes its sign."
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the names of the outputs that measure an angle."""
+        return tuple(name for name in model.outputs if _angle(model, name) is not None)
+
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+        """Return y with one cycle a turn."""
+        return y + p["sine"] * sympy.sin(ANGLE) + p["cosine"] * sympy.cos(ANGLE)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Replace the output, with the angle in the place of its symbol."""
+        at = {ANGLE: _angle(model, self.target)}
+        return with_output(model, self.target, lambda true: self.shown(true, p).xreplace(at))
+
+    @classmethod
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
+        """Start on centre."""
+        return (cls(target),)
+
+
+def _angle(model, output: str) -> sympy.Expr | None:
+    """Return the angle [rad] that an output measures, if it measures one.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> outputs = {"counts": "1000*q", "dial": "p", "speed": "w", "both": "p + r", "to": "q - p"}
+    >>> states = {"q": "rad", "w": "rad/s", "p": "deg", "r": "deg"}
+    >>> arm = PhysicsModel(states, {"q": "w", "w": "-q", "p": "r", "r": "p"}, outputs=outputs)
+    >>> [_angle(arm, output) for output in outputs]
+    [q, pi*p/180, None, pi*(p + r)/180, None]
+    """
+    shown = model.outputs[output]
+    turns = {s: TURNS.get(plain_unit(unit)) for s, unit in model.states.items()}
+    angles = [s for s, turn in turns.items() if turn and shown.has(symbol(s))]
+    if len(angles) == 1:
+        return 2 * sympy.pi * symbol(angles[0]) / turns[angles[0]]
+    turn = TURNS.get(plain_unit(model.unit(output)))
+    return 2 * sympy.pi * shown / turn if angles and turn else None
+
+
+@dataclass(frozen=True)
 class SensorSaturation(OutputEffect):
     r"""A sensor that saturates, :math:`\max(\min(y, y_+), y_-)`.
 
@@ -190,6 +272,7 @@ class SensorSaturation(OutputEffect):
     upper: float = quantity("yu", "{target}", default=1e9, role="end")
     lower: float = quantity("yl", "{target}", default=-1e9, role="end")
     id = "sensor_saturation"
+    fault = "range"
     summary = "The signal exceeds the sensor's range: the reading is clipped."
     check = "Look for stretches in which the reading stays at one extreme value."
 
@@ -229,6 +312,7 @@ class SensorRectification(OutputEffect):
     """
 
     id = "sensor_rectification"
+    fault = "magnitude"
     summary = "The sensor shows the magnitude without the sign: a pulse counter, a rectifier."
     check = "Run the machine backward: the reading does not change its sign."
 
@@ -240,6 +324,80 @@ class SensorRectification(OutputEffect):
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Return the effect itself: there is nothing to fit."""
         return (cls(target),)
+
+
+@dataclass(frozen=True)
+class SensorLag(Effect):
+    r"""A sensor that follows what it measures with a first-order lag.
+
+    .. math:: T\,\dot y_s = y - y_s
+
+    Parameters
+    ----------
+    target : str
+        The output.
+    time_constant : float, default=1
+        Time constant :math:`T` [s].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> oven = PhysicsModel({"T": "K"}, {"T": "P/C"}, {"C": 80.0}, {"P": "W"}, {"probe": "T"})
+    >>> print((oven + SensorLag("probe", time_constant=5.0)).to_text())
+    T' = P/C
+    probe_lagged' = (T - probe_lagged)/Ty_probe
+    """
+
+    time_constant: float = quantity("Ty", "s", default=1.0, low=1e-9)
+    id = "sensor_lag"
+    fault = "lag"
+    phrase = "{effect} of {target}"
+    summary = "The reading follows late: a thermometer in its pocket, a filter, a long tube."
+    check = "Bring the sensor alone from one known value to another, and record its reading."
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs of states alone that are no sensor's own."""
+        own = {symbol(name) for name in (*model.inputs, *model.settled)}
+        states = {symbol(name) for name in model.states}
+        seen = {y: shown.free_symbols for y, shown in model.outputs.items()}
+        return tuple(y for y, symbols in seen.items() if symbols & states and not symbols & own)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Add the sensor's state, and show it."""
+        true, lagged = model.outputs[self.target], free_name(model, f"{self.target}_lagged")
+        rate = (true - symbol(lagged)) / p["time_constant"]
+        return {
+            "outputs": {**model.outputs, self.target: symbol(lagged)},
+            "equations": {**model.equations, lagged: rate},
+            "states": {**model.states, lagged: model.unit(self.target)},
+            **_begun(model, true, lagged),
+        }
+
+    @classmethod
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
+        """Start from a few samples to a third of a window."""
+        shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
+        return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))
+
+    @classmethod
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
+        """Stay between what one sample and what two windows can show."""
+        return {"time_constant": (0.5 * scales.sample_time, 2.0 * scales.window)}
+
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
+        """Return the output over the time."""
+        return Characteristic("output", self.target, TIME)
+
+
+def _begun(model, true, lagged: str) -> dict:
+    """Return where a sensor's state begins: at what it measures."""
+    if str(true) in model.states:
+        return {"settled": {**model.settled, lagged: str(true)}}
+    known = {name: p.value for name, p in model.parameters.items()} | dict(model.initial_state)
+    value = true.subs({s: known.get(str(s), 0.0) for s in true.free_symbols})
+    start = float(value) if value.is_finite and value.is_real else 0.0
+    return {"initial_state": {**model.initial_state, lagged: start}}
 
 
 @dataclass(frozen=True)
@@ -264,6 +422,7 @@ class SensorDelay(Delay):
 
     id = "sensor_delay"
     excludes = ("input_delay",)
+    resembles = MappingProxyType({"sensor_lag": ("delay", "time_constant")})
     summary = "The reading is delayed: filtering, bus, transport from the machine to the probe."
     check = (
         "Excite the machine with an impulse and compare the reading with a second, direct sensor."

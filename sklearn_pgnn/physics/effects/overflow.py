@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.effects.levels import (
 )
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.repeated_rates import with_rates
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.effect import Effect
@@ -72,10 +73,9 @@ class Overflow(StateEffect):
         (below,) = _next(model, self.target)
         inflow = model.equations[self.target]
         room = (p["limit"] - symbol(self.target)) * p["steepness"]
-        rates = dict(model.equations)
-        rates[self.target] = minimum(inflow, room)
-        rates[below] += p["share"] * maximum(inflow - room, 0)
-        return {"equations": rates}
+        spilled = p["share"] * maximum(inflow - room, 0)
+        rates = {self.target: minimum(inflow, room), below: model.equations[below] + spilled}
+        return with_rates(model, rates)
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:

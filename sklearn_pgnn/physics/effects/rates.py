@@ -8,34 +8,23 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from sklearn_pgnn.physics.channel_kinds import is_measured
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.derived_units import force_unit, rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.found_ports import is_velocity
 from sklearn_pgnn.physics.typical import typical_inertia
 
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.port import Port
     from sklearn_pgnn.physics.scales import Scales
 
-#: units that make a state a velocity even where no other state is its integral
-SPEED_UNITS = frozenset(
-    {"m/s", "mm/s", "km/h", "rad/s", "deg/s", "rpm", "1/s", "rev/s", "r/min", "1/min"}
-)
 #: units of a sensor's signal, which do not define what the sensor measures
 SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
 
 #: start amplitude of a wave per typical force: small, so that a linear model shows its benefit
 FAINT = 0.001
-
-
-def is_velocity(model, state: str) -> bool:
-    """Return whether a state is a velocity, judged by a position, an inertia or its unit."""
-    return (
-        state in model.kinematic_pairs
-        or state in model.inertia
-        or model.states[state].strip() in SPEED_UNITS
-    )
 
 
 def may_be_speed(model, state: str) -> bool:
@@ -66,100 +55,90 @@ def may_be_speed(model, state: str) -> bool:
 
 @dataclass(frozen=True)
 class RateEffect(Effect):
-    """A force (or, without an inertia, a deceleration) that resists a velocity's rate."""
+    """A force at a port (or, without an inertia, a deceleration) that resists its flow."""
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the names of the velocities of the model."""
-        return tuple(state for state in model.states if is_velocity(model, state))
+        """Return the names of the ports of the model whose flow is a velocity."""
+        return tuple(name for name, port in model.ports.items() if is_moving(model, port))
 
     def force(self, v, position, p):
         """Return the resisting force as an expression of velocity and position."""
         raise NotImplementedError
+
+    def effort(self, model: PhysicsModel) -> sympy.Expr:
+        """Return the resisting force at the port of a model, with the names of its parameters."""
+        port, p = model.port(self.target), {k: symbol(name) for k, name in self.names().items()}
+        return self.force(port.flow, port.displacement, p)
 
     def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the energy the force stores, zero for a dissipative one."""
         return sympy.Integer(0)
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Subtract the force, divided by the inertia, from the target's rate."""
-        v = symbol(self.target)
-        pair = model.kinematic_pairs.get(self.target)
-        position = None if pair is None else symbol(pair)
-        force = self.force(v, position, p)
-        inertia = model.inertia.get(self.target, sympy.Integer(1))
-        equations = dict(model.equations)
-        equations[self.target] = _over_common_inertia(equations[self.target], force, inertia)
-        return {"equations": equations, "energy": self._energy(model, force * v, position, p)}
-
-    def _energy(self, model, power, position, p):
-        energy = dict(model.energy)
-        if energy and self.target in model.inertia:
-            potential = self.potential(position, p)
+        """Let the force act at the port, against its flow."""
+        port = model.port(self.target)
+        changes = port.act(model, self.effort(model))
+        if model.energy and port.is_power(model):
+            potential = self.potential(port.displacement, p)
             if potential != 0:
-                energy["stored"] = energy.get("stored", 0) + potential
-            else:
-                energy["dissipated"] = energy.get("dissipated", 0) + power
-        return energy
+                stored = model.energy.get("stored", 0) + potential
+                changes["energy"] = {**model.energy, "stored": stored}
+        return changes
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the velocity."""
-        return Characteristic("force", self.target, symbol(self.target))
+        return Characteristic("force", self.target, model.port(self.target).flow)
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return the units of force, velocity and position at the target."""
-        velocity = model.unit(self.target)
-        pair = model.kinematic_pairs.get(self.target)
+        port = model.port(self.target)
         return {
-            "force": unit_of_force(model, self.target),
-            "velocity": velocity,
-            "position": "" if pair is None else model.unit(pair),
+            "force": port.unit,
+            "velocity": model.unit_of(port.flow),
+            "position": model.unit_of(port.displacement),
         }
 
 
-def unit_of_force(model, target: str) -> str:
-    """Return the unit of a force on a velocity; without an inertia, that of its rate."""
-    inertia, velocity = model.inertia.get(target), model.unit(target)
-    if inertia is None:
-        return rate_unit(velocity)
-    return force_unit(model.unit_of(inertia), velocity)
+def is_moving(model: PhysicsModel, port: Port) -> bool:
+    """Return whether the flow of a port is a velocity, or a difference of velocities."""
+    states = map(str, port.flow.free_symbols)
+    return all(is_velocity(model, state) for state in states if state in model.states)
 
 
-def worded_for(model, target: str, text: str) -> str:
-    """Return a text about a force on a velocity; about a torque where the velocity turns.
+def worded_for(model: PhysicsModel, effect: Effect) -> tuple[str, str]:
+    """Return an effect's summary and check: of a torque where it turns, of a reading of an input.
 
     Examples
     --------
     >>> from sklearn_pgnn.physics.systems import golf_robot
-    >>> worded_for(golf_robot(), "omega", "Force: the force falls.")
-    'Torque: the torque falls.'
+    >>> worded_for(golf_robot(), ConstantLoad("omega"))[0][:42]
+    'A torque of constant size and direction: w'
     """
-    turns = target in model.inertia and unit_of_force(model, target).endswith("N m")
-    return text.replace("force", "torque").replace("Force", "Torque") if turns else text
+    told = effect.of_reading if is_measured(model, effect.target) else ()
+    summary, check = told or (effect.summary, effect.check)
+    if effect.target in model.ports and model.port(effect.target).unit.endswith("N m"):
+        return _of_torque(summary), _of_torque(check)
+    return summary, check
 
 
-def _over_common_inertia(rate, force, inertia):
-    """Subtract force/inertia, keeping the form (sum of forces)/inertia where there is one."""
-    if inertia == 1:
-        return rate - force
-    numerator = rate * inertia
-    if not numerator.has(1 / inertia):
-        return (numerator - force) / inertia
-    return rate - force / inertia
+def _of_torque(text: str) -> str:
+    return text.replace("force", "torque").replace("Force", "Torque")
 
 
 @dataclass(frozen=True)
 class PositionEffect(RateEffect):
-    """A force that depends on the position, so the velocity must have one."""
+    """A force that depends on the position, so the port must have one."""
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the names of the velocities of kinematic pairs."""
-        return tuple(state for state in model.states if state in model.kinematic_pairs)
+        """Return the names of the ports with a displacement."""
+        ports = model.ports.items()
+        return tuple(n for n, p in ports if p.displacement is not None and is_moving(model, p))
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the force over the position."""
-        return Characteristic("force", self.target, symbol(model.kinematic_pairs[self.target]))
+        return Characteristic("force", self.target, model.port(self.target).displacement)
 
 
 def force_scale(target, model, scales) -> float:

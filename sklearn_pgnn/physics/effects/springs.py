@@ -154,13 +154,13 @@ class Cogging(PositionEffect):
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with small amplitudes at prominent periods of the missing rate, or half travel."""
         force = FAINT * force_scale(target, model, scales)
-        periods = scales.ripples.get(target) or (scales.peak[model.kinematic_pairs[target]],)
+        periods = scales.ripples.get(target) or (scales.peak[model.port(target).position],)
         return tuple(cls(target, force, force, period) for period in periods)
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep at least one and a half periods within the travel."""
-        travel = 2 * scales.peak[model.kinematic_pairs[target]]
+        travel = 2 * scales.peak[model.port(target).position]
         return {"period": (travel / (2 * MOST_CYCLES), travel / 1.5)}
 
 
@@ -209,7 +209,7 @@ class EndStop(PositionEffect):
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start with stops at both ends or at one."""
-        position = model.kinematic_pairs[target]
+        position = model.port(target).position
         stiffness = 5.0 * force_scale(target, model, scales) / scales.peak[position]
         cuts = ((0.05, 0.05), (0.2, 0.2), (0.1, 0.0), (0.0, 0.1))
         places = (scales.ends(position, below, above) for above, below in cuts)
@@ -218,7 +218,7 @@ class EndStop(PositionEffect):
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep each stop near its end of the travel: what acts further inside is a spring."""
-        position = model.kinematic_pairs[target]
+        position = model.port(target).position
         low, high = scales.ends(position)
         inner_low, inner_high = scales.ends(position, OUTER, OUTER)
         return {"upper": (inner_high, high), "lower": (low, inner_low)}

@@ -5,21 +5,25 @@ wrong. They are no part of the catalogue: where the records show one, it is trie
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import ClassVar
 
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, Scales
-from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port, with_coefficients
+from sklearn_pgnn.physics.repeated_rates import with_rates
+from sklearn_pgnn.physics.shown_states import shown_by
 
 #: powers of two and ten that counters, converters and prefixes put between two numbers
 POWERS = (*(2.0**n for n in range(8, 17)), 100.0, 1e3, 1e6)
+#: counts a turn of encoders: powers of two, and tens of four edges a line
+COUNTS = (*(2**n for n in range(8, 17)), 500, 1000, 2000, 2500, 4000, 5000, 10_000)
 #: factors between units that a model uses and others, by the model's unit
 UNITS: dict[str, dict[float, str]] = {
     "m": {100.0: "cm", 1e3: "mm", 1e6: "um", 1e-3: "km"},
@@ -31,7 +35,7 @@ UNITS: dict[str, dict[float, str]] = {
     "rad": {180 / math.pi: "deg", 0.5 / math.pi: "rev", 1e3: "mrad"},
     "deg": {math.pi / 180: "rad", 1 / 360: "rev"},
     "rad/s": {180 / math.pi: "deg/s", 30 / math.pi: "rpm", 0.5 / math.pi: "rev/s", 1e3: "mrad/s"},
-    "deg/s": {math.pi / 180: "rad/s", 1 / 6: "rpm"},
+    "deg/s": {math.pi / 180: "rad/s", 1 / 6: "rpm", 1 / 360: "rev/s"},
     "rpm": {math.pi / 30: "rad/s", 6.0: "deg/s", 1 / 60: "rev/s"},
     "rev/s": {2 * math.pi: "rad/s", 60.0: "rpm", 360.0: "deg/s"},
     "m^3/s": {1e3: "l/s", 6e4: "l/min", 3600.0: "m^3/h"},
@@ -62,6 +66,10 @@ class Wiring(Effect):
         """Return the effect itself: there is nothing to fit."""
         return (cls(target),)
 
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs that the model cannot follow without it, where that is known."""
+        return ()
+
     def lines(self, model: PhysicsModel) -> str:
         """Return what to write into the model file."""
         changed = self.apply(model)
@@ -73,14 +81,85 @@ class Wiring(Effect):
         return ""
 
 
-@dataclass(frozen=True)
-class ReversedInput(Wiring):
-    r"""An input that acts with the other sign, :math:`-u`.
+#: by channel, the channel that takes its place and the factor
+_Taken = Mapping[str, tuple[str, sympy.Expr]]
 
-    Parameters
-    ----------
-    target : str
-        The input.
+
+class _Inputs:
+    """The channels that are inputs."""
+
+    @staticmethod
+    def channels(model: PhysicsModel) -> tuple[str, ...]:
+        """Return their names."""
+        return tuple(model.inputs)
+
+    @staticmethod
+    def rewired(model: PhysicsModel, taken: _Taken) -> dict:
+        """Return the changes where other inputs, by a factor, act in the places of some."""
+        new = {symbol(name): factor * symbol(of) for name, (of, factor) in taken.items()}
+        changes = model.changed(lambda expression: expression.xreplace(new))
+        names = {name: of for name, (of, _) in taken.items()}
+        changes["delays"] = {names.get(u, u): delay for u, delay in model.delays.items()}
+        changes["settled"] = {state: names.get(u, u) for state, u in model.settled.items()}
+        return changes
+
+
+class _Outputs:
+    """The channels that are outputs."""
+
+    channels_of: tuple[str, ...]
+
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs themselves."""
+        return self.channels_of
+
+    @staticmethod
+    def channels(model: PhysicsModel) -> tuple[str, ...]:
+        """Return their names."""
+        return tuple(model.outputs)
+
+    @staticmethod
+    def rewired(model: PhysicsModel, taken: _Taken) -> dict:
+        """Return the changes where some outputs show what others do, by a factor."""
+
+        def shown(items: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
+            new = {name: factor * items.get(of, 0) for name, (of, factor) in taken.items()}
+            return {**items, **{name: each for name, each in new.items() if each != 0}}
+
+        ports = {name: replace(p, outputs=shown(p.outputs)) for name, p in model.kept_ports.items()}
+        return {"outputs": {**model.outputs, **shown(model.outputs)}, "ports": ports}
+
+
+class _OfChannels(Wiring):
+    """A wiring of inputs or outputs."""
+
+    channels: ClassVar
+    rewired: ClassVar
+
+
+class _Reversed(_OfChannels):
+    """A channel with the other sign."""
+
+    phrase = "reversed polarity of {target}"
+
+    @property
+    def channels_of(self) -> tuple[str, ...]:
+        """The channel."""
+        return (self.target,)
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the names of the channels."""
+        return cls.channels(model)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Replace the channel by its negative."""
+        return self.rewired(model, {self.target: (self.target, sympy.Integer(-1))})
+
+
+@dataclass(frozen=True)
+class ReversedInput(_Inputs, _Reversed):
+    r"""An input that acts with the other sign, :math:`-u`.
 
     Examples
     --------
@@ -90,27 +169,12 @@ class ReversedInput(Wiring):
     """
 
     id = "reversed_input"
-    phrase = "reversed polarity of {target}"
     summary = "The command acts in the other direction than the model says."
-
-    @classmethod
-    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the names of the inputs."""
-        return tuple(model.inputs)
-
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Replace the input by its negative."""
-        return substitute(model, symbol(self.target), -symbol(self.target))
 
 
 @dataclass(frozen=True)
-class ReversedOutput(Wiring):
+class ReversedOutput(_Outputs, _Reversed):
     r"""A sensor that reads the other sign, :math:`-y`.
-
-    Parameters
-    ----------
-    target : str
-        The output.
 
     Examples
     --------
@@ -120,27 +184,14 @@ class ReversedOutput(Wiring):
     """
 
     id = "reversed_output"
-    phrase = "reversed polarity of {target}"
     summary = "The sensor counts in the other direction than the model says."
-
-    @classmethod
-    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the names of the outputs."""
-        return tuple(model.outputs)
-
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Replace the output by its negative."""
-        return {"outputs": {**model.outputs, self.target: -model.outputs[self.target]}}
 
 
 @dataclass(frozen=True)
 class ReversedTerm(Wiring):
     r"""A term of an equation that has the other sign.
 
-    Parameters
-    ----------
-    target : str
-        The term and its equation, as ``"k*x/m in v"``.
+    The target is the term and its equation, as ``"k*x/m in v"``.
 
     Examples
     --------
@@ -163,11 +214,37 @@ class ReversedTerm(Wiring):
         """Return the terms of the rates that are sums."""
         return tuple(name for rate in model.equations for name in _terms(model, rate))
 
+    def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs that show the state, or the position whose velocity it is.
+
+        Where such an output is followed, all others see the right motion of the state.
+        """
+        rate = self.target.rsplit(_IN, 1)[1]
+        return tuple(output for output in model.outputs if rate in shown_by(model, output))
+
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Turn the term's sign."""
         rate = self.target.rsplit(_IN, 1)[1]
         turned = expanded(model.equations[rate]) - 2 * _terms(model, rate)[self.target]
-        return {"equations": {**model.equations, rate: turned}}
+        return with_rates(model, {rate: turned})
+
+    def is_sign_of(self, model: PhysicsModel, other: Effect) -> bool:
+        """Return whether another effect frees a parameter whose other sign is the term's.
+
+        Examples
+        --------
+        >>> from sklearn_pgnn.effects import WrongParameter
+        >>> rates = {"x": "v", "v": "(k*x - v)/m"}
+        >>> spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {"k": 9.0, "m": 1.0})
+        >>> [ReversedTerm("k*x/m in v").is_sign_of(spring, WrongParameter(name)) for name in "km"]
+        [True, False]
+        """
+        if other.parameters(model) or other.target not in model.parameters:
+            return False
+        turned, p = self.apply(model), symbol(other.target)
+        pairs = [(each, turned.equations[s]) for s, each in model.equations.items()]
+        pairs += [(each, turned.outputs[name]) for name, each in model.outputs.items()]
+        return all(expanded(each.subs(p, -p) - now) == 0 for each, now in pairs)
 
 
 def _terms(model: PhysicsModel, rate: str) -> dict[str, sympy.Expr]:
@@ -179,14 +256,32 @@ def _terms(model: PhysicsModel, rate: str) -> dict[str, sympy.Expr]:
     return {f"{to_text(term)}{_IN}{rate}": term for term in ordered}
 
 
-@dataclass(frozen=True)
-class ExchangedInputs(Wiring):
-    r"""Two inputs of one unit whose columns are exchanged.
+class _Exchanged(_OfChannels):
+    """Two channels of one unit, as ``"left and right"``, whose columns are exchanged."""
 
-    Parameters
-    ----------
-    target : str
-        The two, as ``"left and right"``.
+    lacking = "has an"
+
+    @property
+    def channels_of(self) -> tuple[str, ...]:
+        """The two channels."""
+        return tuple(self.target.split(_AND))
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the pairs of channels of one unit."""
+        pairs = combinations(cls.channels(model)[:MOST], 2)
+        alike = (pair for pair in pairs if model.unit(pair[0]) == model.unit(pair[1]))
+        return tuple(_AND.join(pair) for pair in alike)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Exchange the channels."""
+        (one, other), same = self.target.split(_AND), sympy.Integer(1)
+        return self.rewired(model, {one: (other, same), other: (one, same)})
+
+
+@dataclass(frozen=True)
+class ExchangedInputs(_Inputs, _Exchanged):
+    r"""Two inputs of one unit whose columns are exchanged.
 
     Examples
     --------
@@ -197,28 +292,12 @@ class ExchangedInputs(Wiring):
 
     id = "exchanged_inputs"
     phrase = "exchange of inputs {target}"
-    lacking = "has an"
     summary = "The columns, or the cables, of two inputs are exchanged."
-
-    @classmethod
-    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the pairs of inputs of one unit."""
-        return tuple(_pairs(model, model.inputs))
-
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Exchange the inputs wherever the model uses them."""
-        one, other = map(symbol, self.target.split(_AND))
-        return _substitute_both(model, {one: other, other: one})
 
 
 @dataclass(frozen=True)
-class ExchangedOutputs(Wiring):
+class ExchangedOutputs(_Outputs, _Exchanged):
     r"""Two outputs of one unit whose columns are exchanged.
-
-    Parameters
-    ----------
-    target : str
-        The two, as ``"left and right"``.
 
     Examples
     --------
@@ -229,62 +308,23 @@ class ExchangedOutputs(Wiring):
 
     id = "exchanged_outputs"
     phrase = "exchange of outputs {target}"
-    lacking = "has an"
     summary = "The columns, or the cables, of two sensors are exchanged."
 
-    @classmethod
-    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the pairs of outputs of one unit."""
-        return tuple(_pairs(model, model.outputs))
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Exchange what the two show."""
-        one, other = self.target.split(_AND)
-        shown = model.outputs
-        return {"outputs": {**shown, one: shown[other], other: shown[one]}}
+class Factor(_OfChannels):
+    """A channel that the file holds in another unit, or in counts, as ``"1024 on speed"``.
 
-
-def _pairs(model: PhysicsModel, names) -> Iterator[str]:
-    """Yield the pairs of channels of one unit."""
-    for one, other in combinations(list(names)[:MOST], 2):
-        if model.unit(one) == model.unit(other):
-            yield f"{one}{_AND}{other}"
-
-
-def _substitute_both(model: PhysicsModel, exchanged: Mapping) -> dict:
-    """Return the changes by a simultaneous substitution in every expression of a model."""
-
-    def replaced(items):
-        return {key: item.xreplace(exchanged) for key, item in items.items()}
-
-    parts = ("equations", "outputs", "inertia", "energy")
-    changes: dict = {part: replaced(getattr(model, part)) for part in parts}
-    names = {str(a): str(b) for a, b in exchanged.items()}
-    changes["delays"] = {names.get(u, u): delay for u, delay in model.delays.items()}
-    changes["settled"] = {state: names.get(u, u) for state, u in model.settled.items()}
-    return changes
-
-
-@dataclass(frozen=True)
-class Factor(Wiring):
-    """A quantity that the file holds in another unit, or in counts."""
+    Examples
+    --------
+    >>> shaft = PhysicsModel({"w": "rad/s"}, {"w": "-w"})
+    >>> OutputFactor.targets(shaft)[1], OutputFactor.title("162.974661726 on w")
+    ('9.54929658551 on w', 'factor 163 (1024 counts a turn) on w')
+    """
 
     phrase = "factor {target}"
     check = "Compare one reading with an instrument, and look up the unit of the column."
-
-    @classmethod
-    def of(cls, model: PhysicsModel, name: str) -> tuple[str, ...]:
-        """Return the targets of one quantity: every factor of its unit, and powers of two and ten.
-
-        Examples
-        --------
-        >>> shaft = PhysicsModel({"w": "rad/s"}, {"w": "-w"})
-        >>> OutputFactor.of(shaft, "w")[1]
-        '9.54929658551 on w'
-        """
-        known = UNITS.get(model.unit(name).strip(), {})
-        factors = [*known, *POWERS, *(1 / power for power in POWERS)]
-        return tuple(dict.fromkeys(f"{factor:.12g}{_ON}{name}" for factor in factors))
+    #: power of the factor in what acts or is shown
+    power: ClassVar[int]
 
     @property
     def factor(self) -> float:
@@ -296,30 +336,44 @@ class Factor(Wiring):
         """The input or output."""
         return self.target.split(_ON, 1)[1]
 
+    @property
+    def channels_of(self) -> tuple[str, ...]:
+        """The channel."""
+        return (self.quantity,)
+
+    @property
+    def of_output(self) -> float:
+        """How many times larger the outputs then are, if all depends on the channel."""
+        return self.factor**self.power
+
     @classmethod
     def title(cls, target: str) -> str:
-        """Return the name, the factor in few digits."""
+        """Return the name, the factor in few digits, with the counts that it may stand for."""
         factor, name = target.split(_ON, 1)
-        return f"factor {float(factor):.4g} on {name}"
+        turn = 2 * math.pi * float(factor)
+        counts = f" ({turn:.0f} counts a turn)" if _is_one_of(turn, COUNTS) else ""
+        return f"factor {float(factor):.4g}{counts} on {name}"
 
     @classmethod
     def can_act(cls, target: str, model: PhysicsModel) -> bool:
-        """Return whether the model has the quantity."""
-        return target.split(_ON, 1)[-1] in cls._names(model)
+        """Return whether the model has the channel."""
+        return target.split(_ON, 1)[-1] in cls.channels(model)
 
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return every factor of every quantity."""
-        return tuple(target for name in cls._names(model) for target in cls.of(model, name))
+        """Return every factor of every channel."""
+        pairs = ((f, name) for name in cls.channels(model) for f in _factors(model.unit(name)))
+        return tuple(dict.fromkeys(f"{factor:.12g}{_ON}{name}" for factor, name in pairs))
 
-    @classmethod
-    def _names(cls, model: PhysicsModel) -> tuple[str, ...]:
-        raise NotImplementedError
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Multiply what the output shows by the factor, or divide the input by it."""
+        factor = _number(self.of_output)
+        return self.rewired(model, {self.quantity: (self.quantity, factor)})
 
     def unit(self, model: PhysicsModel) -> str:
         """Return the unit that the factor makes of the model's; empty where none is known."""
         known = UNITS.get(model.unit(self.quantity).strip(), {})
-        return next((u for f, u in known.items() if math.isclose(f, self.factor, rel_tol=1e-9)), "")
+        return next((unit for f, unit in known.items() if _is_one_of(f, [self.factor])), "")
 
     def lines(self, model: PhysicsModel) -> str:
         """Return the column with its unit where there is one, else the factor in the equations."""
@@ -330,24 +384,33 @@ class Factor(Wiring):
         return f'columns: {{{self.quantity}: "{title} [{unit}]"}}'
 
 
-def _number(value: float) -> sympy.Number:
-    """Return a number as a whole one, or the part of a whole one, where it is."""
-    if math.isclose(value, round(value), rel_tol=1e-11):
-        return sympy.Integer(round(value))
-    whole = 1 / value
-    if math.isclose(whole, round(whole), rel_tol=1e-11):
-        return sympy.Rational(1, round(whole))
+def _factors(unit: str) -> Iterator[float]:
+    """Yield what a file may hold over a quantity of a unit: other units, counts, powers."""
+    known = UNITS.get(unit.strip(), {})
+    turn = next((factor for factor, to in known.items() if to.startswith("rev")), 0.0)
+    yield from known
+    yield from (turn * counts for counts in COUNTS if turn)
+    yield from POWERS
+    yield from (1 / power for power in POWERS)
+
+
+def _is_one_of(value: float, known: Iterable[float]) -> bool:
+    return any(math.isclose(value, each, rel_tol=1e-9) for each in known)
+
+
+def _number(value: float) -> sympy.Expr:
+    """Return a number as a whole one, the part of a whole one, or that over a turn, if it is."""
+    for unit in (sympy.Integer(1), 1 / (2 * sympy.pi)):
+        for power in (1, -1):
+            whole = (value / float(unit)) ** power
+            if math.isclose(whole, round(whole), rel_tol=1e-11):
+                return sympy.Integer(round(whole)) ** power * unit
     return sympy.Float(value)
 
 
 @dataclass(frozen=True)
-class InputFactor(Factor):
+class InputFactor(_Inputs, Factor):
     r"""An input whose column holds :math:`c\,u`.
-
-    Parameters
-    ----------
-    target : str
-        The factor and the input, as ``"1000 on force"``.
 
     Examples
     --------
@@ -357,57 +420,31 @@ class InputFactor(Factor):
     """
 
     id = "input_factor"
+    power = -1
     summary = "The column of the input holds another unit than the model's, or counts."
-
-    @classmethod
-    def _names(cls, model: PhysicsModel) -> tuple[str, ...]:
-        return tuple(model.inputs)
-
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Divide the input by the factor."""
-        u = symbol(self.quantity)
-        return substitute(model, u, u * _number(1 / self.factor))
 
 
 @dataclass(frozen=True)
-class OutputFactor(Factor):
+class OutputFactor(_Outputs, Factor):
     r"""An output whose column holds :math:`c\,y`.
-
-    Parameters
-    ----------
-    target : str
-        The factor and the output, as ``"1024 on speed"``.
 
     Examples
     --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> (lag + OutputFactor("1024 on y")).outputs["y"]
     1024*y
-    >>> OutputFactor("1000 on y").lines(lag)
-    'outputs: {y: "1000*y"}'
+    >>> OutputFactor("162.974661726 on y").lines(lag)
+    'outputs: {y: "512*y/pi"}'
     """
 
     id = "output_factor"
+    power = 1
     summary = "The column of the output holds another unit than the model's, or counts."
-
-    @classmethod
-    def _names(cls, model: PhysicsModel) -> tuple[str, ...]:
-        return tuple(model.outputs)
-
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Multiply the output by the factor."""
-        shown = _number(self.factor) * model.outputs[self.quantity]
-        return {"outputs": {**model.outputs, self.quantity: shown}}
 
 
 @dataclass(frozen=True)
 class OtherClock(Wiring):
     r"""A time in another unit than seconds: :math:`dx/d\tau = c\,f(c\,\tau, x, u)`.
-
-    Parameters
-    ----------
-    target : str
-        The unit of the file's time.
 
     Examples
     --------
@@ -433,7 +470,13 @@ class OtherClock(Wiring):
         second = _number(CLOCKS[self.target])
         rates = {s: second * e.subs(TIME, second * TIME) for s, e in model.equations.items()}
         outputs = {s: e.subs(TIME, second * TIME) for s, e in model.outputs.items()}
-        return {"equations": rates, "outputs": outputs}
+        ports = {n: self._paced(port, second) for n, port in model.kept_ports.items()}
+        return {"equations": rates, "outputs": outputs, "ports": ports}
+
+    def _paced(self, port: Port, second: sympy.Expr) -> Port:
+        """Return a port at the pace of the file's time."""
+        later = with_coefficients(port, lambda each: each.subs(TIME, second * TIME))
+        return replace(later, rates={s: second * b for s, b in later.rates.items()})
 
     def lines(self, model: PhysicsModel) -> str:
         """Return the column of the time with its unit."""
@@ -441,14 +484,14 @@ class OtherClock(Wiring):
         return f'columns: {{t: "{title} [{self.target}]"}}'
 
 
-#: every kind of wiring
+#: every kind of wiring, in the order in which they are named where several explain records alike
 WIRINGS: tuple[type[Wiring], ...] = (
-    ReversedInput,
     ReversedOutput,
-    ReversedTerm,
-    ExchangedInputs,
+    ReversedInput,
     ExchangedOutputs,
-    InputFactor,
+    ExchangedInputs,
     OutputFactor,
+    InputFactor,
     OtherClock,
+    ReversedTerm,
 )

@@ -56,7 +56,7 @@ def done():
 EXAMPLE = {
     "t": {"column": "t [s]", "unit": "s"},
     "force": {"column": "force [N]", "unit": "N"},
-    "position": {"column": "position [m]", "unit": "m"},
+    "position": {"column": "position [m]", "unit": "m", "kind": "distance_sensor"},
 }
 
 
@@ -219,6 +219,7 @@ def test_a_file_that_is_no_record_says_so_under_its_own_name(port):
             "Expected a column of the files for 'force'",
         ),
         ({"mapping": {"force": {"column": 3}}}, "Expected a text"),
+        ({"mapping": {"position": {"kind": "measured"}}}, "Expected a kind of channel"),
         ({"mapping": {}, "options": {"hold": "tight"}}, "Expected inputs that are held"),
         ({"mapping": {}, "options": {"minutes": "-1"}}, "Expected a time limit"),
     ],
@@ -235,6 +236,15 @@ def test_a_port_that_is_taken_is_refused(port):
     assert "Remedy: --port 0 selects a free one" in result.output
 
 
+def test_what_is_known_of_a_channel_is_asked_with_what_is_usual(port):
+    client = Client(port)
+    client.bring("model", "motor.yaml", MODEL.replace("m/s", "rpm") + "channels: {F: measured}\n")
+    asked = client.bring("records", "run.csv", run()).sections["columns"]
+    assert '<option value="measured" selected>measured</option>' in asked
+    assert '<option value="tachometer" selected>tachometer</option>' in asked
+    assert asked.count('<option value="commanded">') == 1  # no output is
+
+
 # -- from files to a report ------------------------------------------------------------------------
 
 
@@ -248,7 +258,9 @@ def test_the_example_is_diagnosed_and_its_files_are_there(done, tmp_path):
     assert "cart-on-spring.yaml" in report.text
     assert report.headers["content-security-policy"].startswith("sandbox")
     (tmp_path / "model.yaml").write_text(done.get("/result/extended_model.yaml").text)
-    assert "v" in PhysicsModel.from_yaml(tmp_path / "model.yaml").states
+    extended = PhysicsModel.from_yaml(tmp_path / "model.yaml")
+    assert "v" in extended.states
+    assert dict(extended.channels) == {"position": "distance_sensor"}
     assert "attachment" in done.get("/result/diagnosis.json").headers["content-disposition"]
 
 

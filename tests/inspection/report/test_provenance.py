@@ -1,11 +1,13 @@
 """Where a diagnosis comes from is stated, and the same is written again."""
 
+import copy
 import hashlib
 
 import pytest
 from situations import situation
 
 from sklearn_pgnn.inspection.report import Provenance, render_report
+from sklearn_pgnn.inspection.report.method import method
 
 pytestmark = pytest.mark.core
 
@@ -25,6 +27,14 @@ def test_files_hashes_command_and_samples_are_stated(known):
         assert hashlib.sha256(name.encode()).hexdigest() in text
     for what in ("4 records, 2000 samples", "2026-11-22", "diagnose -x -1", "sklearn-pgnn 0."):
         assert what in text
+
+
+def test_the_method_says_which_faults_were_left_out_by_what_is_known_of_the_channels():
+    found = copy.copy(situation("adequate"))
+    assert "that the channels can have" not in method(found)
+    (output,) = found.model.outputs
+    found.model = found.model.replace(channels={output: "encoder"})
+    assert f"can have were tried: {output} is read by an encoder; of " in method(found)
 
 
 def test_the_same_is_written_again(known):

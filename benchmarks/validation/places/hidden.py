@@ -1,0 +1,161 @@
+"""What is hidden: an effect's name and target, and what it does to a rig, written by hand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from rigs import Rig
+
+#: speed below which smoothed friction gives way, over the typical one
+SMOOTH = 2e-3
+#: sizes over the typical effort, least and largest
+LEAST, LARGEST = 0.15, 0.4
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A hidden effect.
+
+    Parameters
+    ----------
+    effect : str
+        Its id in the catalogue.
+    target : str
+        Where it is: a port, or what the catalogue calls its target.
+    also : tuple of (str, str)
+        Names that are as right.
+    """
+
+    effect: str
+    target: str
+    also: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def accepted(self) -> set[tuple[str, str]]:
+        """Every right name."""
+        return {(self.effect, self.target), *self.also}
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A rig with what is hidden: rates of all states, those added last, and outputs."""
+
+    rates: Callable
+    outputs: Callable
+    added: int = 0
+    #: fastest rate that smoothed friction has [1/s]
+    fastest: float = 0.0
+
+
+def plain(rig: Rig, p) -> Changed:
+    """Return a rig in which nothing is hidden."""
+
+    def outputs(x, u):
+        return rig.outputs(x, rig.rates(x, u, p), u, p)
+
+    return Changed(lambda x, u: rig.rates(x, u, p), outputs)
+
+
+# -- at the ports of mechanisms --------------------------------------------------------------------
+
+
+def law(effect: str, size: float, flow: float, travel: float, rng):
+    """Return an effort over flow and displacement, and its steepest slope over the flow."""
+    eps = SMOOTH * flow
+    if effect == "coulomb_friction":
+        return lambda f, x: size * np.tanh(f / eps), size / eps
+    if effect == "asymmetric_friction":
+        back = size * rng.uniform(0.3, 0.6)
+        return (
+            lambda f, x: np.where(f > 0, size, back) * np.tanh(f / eps),
+            size / eps,
+        )
+    if effect == "stribeck_friction":
+        extra, speed = size * rng.uniform(0.6, 1.2), flow * rng.uniform(0.15, 0.3)
+        return (
+            lambda f, x: (size + extra * np.exp(-((f / speed) ** 2))) * np.tanh(f / eps),
+            (size + extra) / eps,
+        )
+    if effect == "quadratic_drag":
+        return lambda f, x: size * np.abs(f) * f / flow**2, 0.0
+    if effect == "cubic_stiffness":
+        return lambda f, x: size * (x / travel) ** 3, 0.0
+    if effect == "constant_load":
+        return lambda f, x: size + 0 * f, 0.0
+    raise ValueError(effect)
+
+
+def at_port(rig: Rig, p, what: Hidden, calm, rng) -> Changed:
+    """Let an effort act at a port; its size follows from a run without it."""
+    x, rates = calm
+    weights, place = (np.asarray(w, dtype=float) for w in rig.ports[what.target])
+    flow, travel = np.std(x @ weights), np.std(x @ place)
+    sample = x.reshape(-1, x.shape[-1])[:: max(1, x.size // 2000)]
+    mobility = np.mean(np.einsum("i,rij,j->r", weights, rig.slopes(sample, p), weights))
+    size = np.std(rates @ weights) / mobility * rng.uniform(LEAST, LARGEST)
+    effort, slope = law(what.effect, size, flow, travel, rng)
+
+    def changed(x, u):
+        e = effort(x @ weights, x @ place)
+        return rig.rates(x, u, p) - e[:, None] * (rig.slopes(x, p) @ weights)
+
+    def outputs(x, u):
+        return rig.outputs(x, changed(x, u), u, p)
+
+    return Changed(changed, outputs, fastest=slope * mobility)
+
+
+# -- in networks, and in parameters ----------------------------------------------------------------
+
+
+def by_parameter(rig: Rig, p, name: str, value) -> Changed:
+    """Give a parameter another value, which may depend on states and inputs."""
+
+    def now(x, u):
+        return {**p, name: value(x, u)}
+
+    def outputs(x, u):
+        return rig.outputs(x, rig.rates(x, u, now(x, u)), u, now(x, u))
+
+    return Changed(lambda x, u: rig.rates(x, u, now(x, u)), outputs)
+
+
+def second_store(rig: Rig, p, state: int, exchange: float, lag: float) -> Changed:
+    r"""Put a store behind another: it takes :math:`k (x - z)`, and :math:`T \dot z = x - z`."""
+
+    def rates(x, u):
+        own, behind = x[:, :-1], x[:, -1]
+        change = rig.rates(own, u, p)
+        change[:, state] -= exchange * (own[:, state] - behind)
+        return np.column_stack([change, (own[:, state] - behind) / lag])
+
+    def outputs(x, u):
+        return rig.outputs(x[:, :-1], rates(x, u)[:, :-1], u, p)
+
+    return Changed(rates, outputs, added=1)
+
+
+def power_loss(rig: Rig, p, state: int, surroundings: int, rate: float, power: float) -> Changed:
+    r"""Let a loss act: :math:`\lambda d |d|^m` to surroundings, an input."""
+
+    def rates(x, u):
+        d = x[:, state] - u[:, surroundings]
+        change = rig.rates(x, u, p)
+        change[:, state] -= rate * d * np.abs(d) ** power
+        return change
+
+    return Changed(rates, lambda x, u: rig.outputs(x, rates(x, u), u, p))
+
+
+def relaxation_branch(rig: Rig, p, resistance: float, lag: float) -> Changed:
+    """Put a further branch between the terminals of a cell."""
+
+    def rates(x, u):
+        own, bent = x[:, :-1], x[:, -1]
+        return np.column_stack([rig.rates(own, u, p), (u[:, 0] - bent) / lag])
+
+    def outputs(x, u):
+        own = rig.outputs(x[:, :-1], rates(x, u)[:, :-1], u, p)
+        return own - resistance * x[:, -1:]
+
+    return Changed(rates, outputs, added=1)

@@ -1,0 +1,262 @@
+r"""What differs between records, or since when: a screen by a linear model of all windows.
+
+With the normal equations :math:`H_w, g_w` of window :math:`w`, its initial state eliminated, a
+quantity :math:`q` that is another by :math:`\delta` in some windows :math:`A` lowers the sum of
+squares by :math:`s^2/h` beyond what all windows share: the parameters and the usual value of
+:math:`q`, together :math:`p`,
+
+.. math:: s = \sum_{w \in A} g_{w,q} - a^T H^{-1} \sum_w g_{w,p}, \qquad
+          h = \sum_{w \in A} H_{w,qq} - a^T H^{-1} a, \qquad
+          a = \sum_{w \in A} H_{w,pq}, \qquad H = \sum_w H_{w,pp}.
+
+The windows are those of some records, or those that begin after an onset, in one record or in all.
+Groups of records part these in the order of :math:`s/h` of each alone: a record more or less for
+which the quantity is larger is then the next best.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
+from typing import NamedTuple
+
+import numpy as np
+
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.physics.effects.differences import AND, DIFFERENCES, IN, SINCE, Difference
+from sklearn_pgnn.physics.effects.targets import pair
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.normal_equations import Normal, project
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, prior_precision
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+from sklearn_pgnn.trajectories.record import Record
+
+#: a column that is one in every record: what differs in all of them is what any may differ in
+ALL = f"{IN}all_records"
+#: and one that is one in a group
+MARKED = f"{IN}marked"
+#: longest column that is made of the names of its records
+LONGEST = 60
+#: onsets that are compared at a time
+ONSETS = 12
+#: part of a quantity's own curvature below which shared parameters take its place
+FLAT = 1e-9
+
+
+class Group(NamedTuple):
+    """Records that may differ from the others, or from an onset on from what they were before."""
+
+    records: tuple[int, ...]
+    since: float | None
+    kind: type[Difference]
+    quantity: str
+    share: float
+
+
+class Marked(NamedTuple):
+    """A model and its records with a column that marks a group, and what may differ there."""
+
+    model: PhysicsModel
+    records: tuple[Record, ...]
+    candidates: tuple[Difference, ...]
+    column: str
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """The normal equations of a quantity in every item: its own, and with what all items share.
+
+    The inverse Hessian and the step of what is shared hold for all items together.
+    """
+
+    shared: np.ndarray
+    step: np.ndarray
+    gradient: np.ndarray
+    own: np.ndarray
+    mixed: np.ndarray
+
+    def summed(self, items: Sequence[np.ndarray]) -> "_Normal":
+        """Return those of groups of items."""
+        parts = (
+            np.array([part[item].sum(axis=0) for item in items])
+            for part in (self.gradient, self.own, self.mixed)
+        )
+        return _Normal(self.shared, self.step, *parts)
+
+    def of(self, items: np.ndarray) -> "_Normal":
+        """Return those of some items, in another order."""
+        parts = (part[items] for part in (self.gradient, self.own, self.mixed))
+        return _Normal(self.shared, self.step, *parts)
+
+    @property
+    def steps(self) -> np.ndarray:
+        """Change of the quantity in every item alone."""
+        return self._solved(self.gradient, self.own, self.mixed)[0]
+
+    @property
+    def from_each_on(self) -> np.ndarray:
+        """Decrease of squares where the quantity differs from every item on to the last."""
+        parts = (self.gradient, self.own, self.mixed)
+        return self._solved(*(np.cumsum(part[::-1], axis=0)[::-1] for part in parts))[1]
+
+    def _solved(self, s, own, a) -> tuple[np.ndarray, np.ndarray]:
+        h, s = own - np.einsum("wi,ij,wj->w", a, self.shared, a), s - a @ self.step
+        step = np.where(h > FLAT * self.own.sum(), s / np.where(h > 0.0, h, 1.0), 0.0)
+        return step, step * s
+
+
+def find_group(problem: EstimationProblem, fit: WindowFit) -> Group | None:
+    """Return where a difference explains most, and in what; None where nothing can differ."""
+    if not fit.usable:
+        return None
+    prior, windows = problem.prior, problem.windows
+    wanted = [(kind, name) for kind in DIFFERENCES for name in kind.quantities_of(prior)]
+    groups = [
+        Group(records, since, kind, name, decrease / fit.squares)
+        for (kind, name), normal in zip(wanted, _normals(problem, fit, wanted), strict=True)
+        for records, since, decrease in (
+            *_of_records(windows.record, normal, _goes_up(prior, fit, name)),
+            *_since(windows, normal),
+        )
+    ]
+    best = max(groups, key=lambda group: group.share, default=None)
+    return best if best is None or best.since is None else _at_sample(problem, fit, best)
+
+
+def _at_sample(problem: EstimationProblem, fit: WindowFit, group: Group) -> Group:
+    """Return a group with the onset at the sample, within two windows, that explains most."""
+    windows, record = problem.windows, problem.windows.record_at(np.arange(len(problem.windows.t)))
+    is_in, reach = np.isin(record, group.records), problem.scales.window
+    times = np.unique(windows.t[is_in & (np.abs(windows.t - group.since) <= reach)])
+    while len(times) > 1:
+        tried = times[:: max(1, len(times) // ONSETS)]
+        marks = [(is_in & (windows.t >= since)).astype(float) for since in tried]
+        normals = [_normals(problem, fit, [group[2:4]], each)[0] for each in marks]
+        shares = [normal.from_each_on[0] / fit.squares for normal in normals]
+        best = int(np.argmax(shares))
+        group = group._replace(since=float(tried[best]), share=float(shares[best]))
+        near = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
+        inner = times[(times > near[0]) & (times < near[1])]
+        times = inner if len(tried) < len(times) else times[:0]
+    return group
+
+
+def n_groups(problem: EstimationProblem) -> int:
+    """Return how many groups of one quantity are compared."""
+    count = len(problem.windows.bounds) - 1
+    return max(2 * len(problem.windows) - count - 1, 0) + max(count - 1, 0)
+
+
+def _normals(
+    problem: EstimationProblem,
+    fit: WindowFit,
+    wanted: list[tuple[type[Difference], str]],
+    marks: np.ndarray | None = None,
+) -> list[_Normal]:
+    """Return the normal equations of every quantity in every window, by default all of it."""
+    windows, free = problem.windows, [f for f in fit.freedoms if _is_within(fit.model, f)]
+    columns = {ALL: np.ones(len(windows.t))} | ({} if marks is None else {MARKED: marks})
+    effects = [kind(pair(name, column)) for column in columns for kind, name in wanted]
+    inputs = {**fit.model.inputs, **dict.fromkeys(columns, "")}
+    model = reduce(add, effects, fit.model.replace(inputs=inputs))
+    own = [name for effect in effects for name in effect.names().values()]
+    marked = replace(windows, u=np.column_stack([windows.u, *columns.values()]))
+    evaluation = evaluate(model, marked, fit.x0, (*(f.name for f in free), *own))
+    estimate, n = problem.states.estimate(fit.model), len(free)
+    offset = fit.x0 - estimate.x[windows.starts]
+    normal = project(evaluation.gram, n + len(own), estimate.spread**-2.0, offset)
+    pull, last = prior_precision(tuple(free)), n + len(own) - len(wanted)
+    return [_normal_of(normal, pull, n + i, last + i) for i in range(len(wanted))]
+
+
+def _normal_of(normal: Normal, pull: np.ndarray, usual: int, q: int) -> _Normal:
+    """Return the normal equations of a quantity; windows share parameters and its usual value.
+
+    So what is the same everywhere, if only beyond a limit, is no difference.
+    """
+    n = len(pull)
+    every = [*range(n), usual]
+    of_shared = normal.hessian[:, every][:, :, every].sum(axis=0)
+    of_shared[:n, :n] += pull
+    size = np.sqrt(np.maximum(np.diag(of_shared), np.finfo(float).tiny))
+    shared = np.linalg.pinv(of_shared / np.outer(size, size), rcond=FLAT, hermitian=True)
+    shared /= np.outer(size, size)
+    slope = np.append(np.zeros(n), normal.gradient[:, usual].sum())  # the parameters are fitted
+    mixed = normal.hessian[:, every, q]
+    return _Normal(shared, shared @ slope, normal.gradient[:, q], normal.hessian[:, q, q], mixed)
+
+
+def _is_within(model: PhysicsModel, freedom: ParameterPrior) -> bool:
+    """Return whether a parameter lies between its limits, so that it can compensate."""
+    return freedom.low < model.parameters[freedom.name].value < freedom.high
+
+
+def _goes_up(prior: PhysicsModel, fit: WindowFit, name: str) -> bool:
+    """Return whether records with more of a quantity are further from what the prior says."""
+    given, found = prior.parameters.get(name), fit.model.parameters.get(name)
+    return given is None or found is None or found.value >= given.value
+
+
+#: records, onset and decrease of squares
+_Found = tuple[tuple[int, ...], float | None, float]
+
+
+def _of_records(record: np.ndarray, normal: _Normal, goes_up: bool) -> Iterator[_Found]:
+    """Yield the group of records, fewer than the others, in which a difference explains most."""
+    known = np.unique(record)
+    if len(known) < 2:
+        return
+    each = normal.summed([record == r for r in known])
+    order = np.argsort(each.steps if goes_up else -each.steps, kind="stable")
+    upper, lower = each.of(order), each.of(order[::-1])
+    for part, places in ((upper, order), (lower, order[::-1])):
+        left = (len(known) - (part is lower)) // 2  # of two equal parts only the upper one
+        decreases = part.from_each_on
+        first = max(range(len(known) - left, len(known)), key=lambda k: decreases[k], default=0)
+        if first > 0:
+            yield tuple(sorted(known[places[first:]].tolist())), None, float(decreases[first])
+
+
+def _since(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
+    """Yield the onset from which on a difference explains most, in every record and in all."""
+    starts, record = windows.t[windows.starts], windows.record
+    every = np.arange(len(windows))
+    for chosen in (every, *(every[record == r] for r in np.unique(record))):
+        order = chosen[np.argsort(starts[chosen], kind="stable")]
+        is_later = np.diff(starts[order], prepend=starts[order[0]]) > 0.0
+        decreases = np.where(is_later, normal.of(order).from_each_on, 0.0)
+        best = int(np.argmax(decreases))
+        if is_later[best]:
+            of = tuple(np.unique(record[chosen]).tolist())
+            yield of, float(starts[order[best]]), float(decreases[best])
+
+
+def mark(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> Marked:
+    """Return a model and its records with a column that is one in a group, else zero."""
+    column = _column(model, records, group)
+    marked = tuple(
+        replace(record, u=np.column_stack([record.u, _marks(record.t, r in group.records, group)]))
+        for r, record in enumerate(records)
+    )
+    candidates = [
+        kind(pair(name, column)) for kind in DIFFERENCES for name in kind.quantities_of(model)
+    ]
+    wider = model.replace(inputs={**model.inputs, column: ""})
+    return Marked(wider, marked, tuple(candidates), column)
+
+
+def _marks(t: np.ndarray, is_in: bool, group: Group) -> np.ndarray:
+    """Return one at every sample of a group."""
+    return (is_in & (t >= (-np.inf if group.since is None else group.since))).astype(float)
+
+
+def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> str:
+    """Return a name for a group: that of its records, if these are short, and its onset."""
+    names = [re.sub(r"\W+", "_", records[r].name) for r in group.records]
+    name = IN + AND.join(names)
+    if len(names) == len(records):
+        name = f"{IN}all"
+    elif len(name) > LONGEST:
+        name = f"{IN}group_{len(model.inputs)}"
+    return name if group.since is None else name + SINCE + re.sub(r"\W", "p", f"{group.since:.4g}")

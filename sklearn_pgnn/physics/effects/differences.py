@@ -1,0 +1,259 @@
+"""What differs between records: a parameter, a sensor or an input that is another in some."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy
+
+from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.effects.targets import parts
+from sklearn_pgnn.physics.expressions import symbol
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.physics.scales import Scales
+
+#: what the column of a group of records begins with, before their names
+IN = "in_"
+#: what stands between them
+AND = "__"
+#: and before the time from which on they differ
+SINCE = "__since_"
+#: share of its value that a parameter at least keeps where its bounds set no limit
+LEFT = 0.001
+
+
+def where_of(column: str) -> str:
+    """Return the records of a group's column, and since when, as in a sentence.
+
+    Examples
+    --------
+    >>> where_of("in_run_2__run_4__run_6"), where_of("in_run_2__since_12p5")
+    ('in run_2, run_4 and run_6', 'in run_2 since 12.5 s')
+    >>> where_of("in_all__since_60")
+    'since 60 s'
+    """
+    records, _, onset = column.removeprefix(IN).partition(SINCE)
+    *first, last = records.split(AND)
+    where = f"in {', '.join(first)} and {last}" if first else f"in {last}"
+    since = f"since {onset.replace('p', '.')} s" if onset else ""
+    return since if since and records == "all" else f"{where} {since}".rstrip()
+
+
+@dataclass(frozen=True)
+class Difference(Effect):
+    """A quantity that is another where a column, an input, is one: in some records, or later on.
+
+    A diagnosis makes such a column where records differ; the model as given has none.
+    """
+
+    check = "Look for what was different there: load, temperature, tool, wear, supply, a leak."
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return none: which records differ is found in these."""
+        return ()
+
+    @classmethod
+    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the quantities that may differ between records."""
+        raise NotImplementedError
+
+    @classmethod
+    def can_act(cls, target: str, model: PhysicsModel) -> bool:
+        """Return whether the model has the quantity and the column."""
+        what, column = parts(target)
+        return what in cls.quantities_of(model) and column in model.inputs
+
+    @classmethod
+    def title(cls, target: str) -> str:
+        """Return what differs, and where."""
+        what, column = parts(target)
+        return f"another {cls.phrase.format(target=what)} {where_of(column)}"
+
+    def units(self, model: PhysicsModel) -> dict[str, str]:
+        """Return the unit of the quantity."""
+        return {"target": model.unit(parts(self.target)[0])}
+
+    @classmethod
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
+        """Start from no difference."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class ParameterDifference(Difference):
+    r"""A parameter with another value in some records, :math:`p + \Delta\, g`.
+
+    The column :math:`g` is one in these records and zero in all others.
+
+    Parameters
+    ----------
+    target : str
+        Parameter and column, as ``"UA(in_run_2)"``.
+    difference : float, default=0
+        Difference :math:`\Delta` [parameter].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> box = PhysicsModel({"T": "K"}, {"T": "-U*T"}, {"U": 2.0}, {"in_run_2": ""})
+    >>> print((box + ParameterDifference("U(in_run_2)", difference=0.5)).to_text())
+    T' = -T*(U + diff_U_in_run_2*in_run_2)
+    """
+
+    difference: float = quantity("diff", "{target}")
+    id = "parameter_difference"
+    phrase = "{target}"
+    summary = "This parameter has another value there."
+
+    @classmethod
+    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the parameters that may be re-tuned."""
+        return model.free_parameters
+
+    def summarise(self, model: PhysicsModel) -> str:
+        """Return both values.
+
+        Examples
+        --------
+        >>> from sklearn_pgnn.physics import PhysicsModel
+        >>> box = PhysicsModel({"T": "K"}, {"T": "-U*T"}, {"U": 7.0}, {"in_run_2": ""})
+        >>> other = ParameterDifference("U(in_run_2)", difference=6.0)
+        >>> other.summarise(box + other)
+        'U is 7, and 13 in run_2.'
+        """
+        parameter, column = parts(self.target)
+        unit, values = model.unit(parameter), model.parameters
+        usual = values[parameter].value
+        there = usual + values[self.names()["difference"]].value
+        said = [f"{value:.4g} {unit}".rstrip() for value in (usual, there)]
+        return f"{parameter} is {said[0]}, and {said[1]} {where_of(column)}."
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Add the difference to the parameter."""
+        parameter, column = map(symbol, parts(self.target))
+        return substitute(model, parameter, parameter + p["difference"] * column)
+
+    @classmethod
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
+        """Keep the parameter within its bounds, and its sign where it has one."""
+        known = model.parameters[parts(target)[0]]
+        low, high = known.bounds
+        if low == 0.0 and known.value > 0.0:
+            low = LEFT * known.value
+        return {"difference": (low - known.value, high - known.value)}
+
+
+@dataclass(frozen=True)
+class SensorBiasDifference(Difference):
+    r"""A sensor with an offset in some records, :math:`y + b\, g`.
+
+    Parameters
+    ----------
+    target : str
+        Output and column, as ``"T(in_run_2)"``.
+    bias : float, default=0
+        Offset :math:`b` in these records [output].
+
+    Examples
+    --------
+    >>> SensorBiasDifference.title("T(in_run_2)")
+    'another zero of T in run_2'
+    """
+
+    bias: float = quantity("diffb", "{target}")
+    id = "sensor_bias_difference"
+    phrase = "zero of {target}"
+    summary = "The sensor has another zero there."
+
+    @classmethod
+    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs."""
+        return tuple(model.outputs)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Add the offset to the output."""
+        output, column = parts(self.target)
+        shown = model.outputs[output] + p["bias"] * symbol(column)
+        return {"outputs": {**model.outputs, output: shown}}
+
+
+@dataclass(frozen=True)
+class SensorGainDifference(Difference):
+    r"""A sensor with another gain in some records, :math:`y\,(1 + e\, g)`.
+
+    Parameters
+    ----------
+    target : str
+        Output and column, as ``"T(in_run_2)"``.
+    error : float, default=0
+        Relative difference :math:`e` of the gain [-].
+
+    Examples
+    --------
+    >>> SensorGainDifference.title("T(in_run_2)")
+    'another gain of T in run_2'
+    """
+
+    error: float = quantity("diffg", "", low=-1.0)
+    id = "sensor_gain_difference"
+    phrase = "gain of {target}"
+    summary = "The sensor has another gain there."
+
+    @classmethod
+    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs."""
+        return tuple(model.outputs)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Multiply the output by its gain."""
+        output, column = parts(self.target)
+        shown = model.outputs[output] * (1 + p["error"] * symbol(column))
+        return {"outputs": {**model.outputs, output: shown}}
+
+
+@dataclass(frozen=True)
+class InputGainDifference(Difference):
+    r"""An input that acts with another gain in some records, :math:`u\,(1 + e\, g)`.
+
+    Parameters
+    ----------
+    target : str
+        Input and column, as ``"u(in_run_2)"``.
+    error : float, default=0
+        Relative difference :math:`e` of the gain [-].
+
+    Examples
+    --------
+    >>> InputGainDifference.title("u(in_run_2)")
+    'another gain of u in run_2'
+    """
+
+    error: float = quantity("diffi", "", low=-1.0)
+    id = "input_gain_difference"
+    phrase = "gain of {target}"
+    summary = "The input acts with another gain there."
+
+    @classmethod
+    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the inputs."""
+        return tuple(model.inputs)
+
+    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+        """Multiply the input by its gain."""
+        signal, column = map(symbol, parts(self.target))
+        return substitute(model, signal, signal * (1 + p["error"] * column))
+
+
+#: all of them, the frequent first
+DIFFERENCES: tuple[type[Difference], ...] = (
+    ParameterDifference,
+    SensorBiasDifference,
+    SensorGainDifference,
+    InputGainDifference,
+)

@@ -1,0 +1,151 @@
+r"""Ports that a model has without saying so.
+
+Every state but a position is one: a force at a velocity with its inertia, a heat flow at a
+temperature. On coupled machines the force enters several rates. These are known from an input that
+does so, since it acts at its own velocity, or from the kinetic energy:
+
+.. math:: E = \tfrac12 v^\top M(x)\, v, \qquad \dot v = M^{-1}(x) (e + \ldots) .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
+
+import sympy
+
+from sklearn_pgnn.physics.derived_units import EFFORTS, flow_unit, force_unit, rate_unit
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.mass_matrix import coupled, mobility, own_entry
+from sklearn_pgnn.physics.mobility import always_positive, inverse_masses
+from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.units import is_like, read_unit
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
+
+#: units that make a state a velocity even where no other state is its integral
+SPEED_UNITS = frozenset(
+    {"m/s", "mm/s", "km/h", "rad/s", "deg/s", "rpm", "1/s", "rev/s", "r/min", "1/min"}
+)
+
+
+def is_velocity(model: PhysicsModel, state: str) -> bool:
+    """Return whether a state is a velocity, judged by a position, an inertia or its unit."""
+    return (
+        state in model.kinematic_pairs
+        or state in model.inertia
+        or model.states[state].strip() in SPEED_UNITS
+    )
+
+
+def found_ports(model: PhysicsModel, declared: Collection[Port]) -> dict[str, Port]:
+    """Return the ports beside the declared ones: one for each other state but positions."""
+    positions, taken = set(model.kinematic_pairs.values()), {port.flow for port in declared}
+    own = [s for s in model.states if s not in positions or is_velocity(model, s)]
+    free = [s for s in own if symbol(s) not in taken]
+    several = _coupled(model, declared, free)
+    return {s: several[s] if s in several else _own_port(model, s) for s in free}
+
+
+def _port(model: PhysicsModel, state: str, rates: Mapping[str, sympy.Expr], unit: str) -> Port:
+    pair = model.kinematic_pairs.get(state)
+    return Port(state, symbol(state), None if pair is None else symbol(pair), rates, {}, unit)
+
+
+def _own_port(model: PhysicsModel, state: str) -> Port:
+    """Return the port at which an effort changes the rate of one state alone."""
+    entries = model.inertia if state in model.inertia else model.capacity
+    rates = mobility(entries)[state] if state in entries else {state: sympy.Integer(1)}
+    return _port(model, state, rates, unit_of_effort(model, state))
+
+
+def unit_of_effort(model: PhysicsModel, state: str, inertia: sympy.Expr | None = None) -> str:
+    """Return the unit of a force on a velocity, of a flow into a store, or else of the rate."""
+    velocity = model.unit(state)
+    if state in model.capacity:
+        return flow_unit(model.unit_of(own_entry(model.capacity, state) * symbol(state)))
+    inertia = own_entry(model.inertia, state) if inertia is None else inertia
+    if inertia is None:
+        return rate_unit(velocity)
+    unit = model.unit_of(inertia)
+    if not unit and state in coupled(model.inertia):
+        return EFFORTS.get(velocity, "")
+    return force_unit(unit, velocity)
+
+
+# -- forces that enter several rates ---------------------------------------------------------------
+
+
+def _coupled(model: PhysicsModel, declared: Collection[Port], free: list[str]) -> dict[str, Port]:
+    """Return the ports of velocities whose mass matrix the model does not state."""
+    stated = {*model.forces, *coupled(model.inertia)}
+    if all(v in stated for v in free if is_velocity(model, v)):
+        return {}
+    found = {**_of_inputs(model, [dict(port.rates) for port in declared]), **_of_energy(model)}
+    return {v: port for v, port in found.items() if v not in stated}
+
+
+def _of_inputs(model: PhysicsModel, known: list[dict[str, sympy.Expr]]) -> dict[str, Port]:
+    """Return the ports of inputs that enter the rates of several velocities.
+
+    A force acts at the one velocity that it always drives forward. Where no coefficient depends on
+    a state, the input may as well act between two masses, and so it does where it moves no more
+    than the velocity's own inertia: then the port must be declared.
+    """
+    found: dict[str, Port] = {}
+    twice = set()
+    for name, unit in model.inputs.items():
+        column = _column(model, name)
+        driven = "" if column in known else _driven(model, column)
+        own = own_entry(model.inertia, driven)
+        alone = own is not None and column[driven] == 1 / own
+        if driven and not alone and _is_effort(unit, model.unit(driven)):
+            twice |= {driven} & set(found)
+            found[driven] = _port(model, driven, column, unit)
+    return {state: port for state, port in found.items() if state not in twice}
+
+
+def _column(model: PhysicsModel, name: str) -> dict[str, sympy.Expr]:
+    """Return the coefficients of an input in the rates."""
+    u = symbol(name)
+    return {s: rate.diff(u) for s, rate in model.equations.items() if rate.has(u)}
+
+
+def _driven(model: PhysicsModel, column: Mapping[str, sympy.Expr]) -> str:
+    """Return the velocity at which an input acts that enters several rates; empty if unclear."""
+    moving = {symbol(s) for s in model.states}
+    inputs = {symbol(u) for u in model.inputs}
+    used = {s for each in column.values() for s in each.free_symbols}
+    known = all(is_velocity(model, s) for s in column)
+    if len(column) < 2 or not known or not used & moving or used & inputs:
+        return ""
+    forward = [s for s, b in column.items() if always_positive(b, _values(model), moving)]
+    return forward[0] if len(forward) == 1 else ""
+
+
+def _values(model: PhysicsModel) -> dict[sympy.Symbol, float]:
+    return {symbol(name): p.value for name, p in model.parameters.items()}
+
+
+def _is_effort(unit: str, flow: str) -> bool:
+    """Return whether a unit times that of a velocity may be a power."""
+    one, other = read_unit(unit), read_unit(flow)
+    if not unit or not flow or one is None or other is None:
+        return True
+    return is_like(one * other, read_unit("W"))
+
+
+def _of_energy(model: PhysicsModel) -> dict[str, Port]:
+    """Return the ports of velocities that the stored energy couples, or that have no inertia."""
+    stored = model.energy.get("stored")
+    moving = tuple(symbol(s) for s in model.states if is_velocity(model, s))
+    if stored is None or not moving:
+        return {}
+    found = {}
+    for v, column in inverse_masses(stored, moving).items():
+        rates = {str(s): b for s, b in column.items() if b != 0}
+        if len(rates) > 1 or str(v) not in model.inertia:
+            unit = unit_of_effort(model, str(v), 1 / column[v])
+            found[str(v)] = _port(model, str(v), rates, unit)
+    return found

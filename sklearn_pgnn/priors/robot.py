@@ -1,0 +1,195 @@
+"""Robots from their descriptions: rigid-body dynamics with a port at every joint."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.annotations import FilePath
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.external import external
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.priors.actuators import controls, torques
+from sklearn_pgnn.priors.rigid_tree import TreeDynamics
+from sklearn_pgnn.priors.robot_file import Payload, read_mjcf, read_urdf, tree_of
+from sklearn_pgnn.priors.robot_joint import Joint, joints_of
+
+
+def from_urdf(
+    path: FilePath,
+    *,
+    payload: str | tuple[str, tuple[float, float, float]] | None = None,
+    **more: Any,
+) -> PhysicsModel:
+    r"""Return the rigid-body dynamics of a robot that a URDF describes.
+
+    .. math:: M(q)\, \dot w + h(q, w) + d\, w + F_c\, \mathrm{sign}(w) = \tau, \qquad \dot q = w
+
+    The states are ``q_NAME`` and ``w_NAME`` of every joint that moves (``v_NAME`` of one that
+    slides), the inputs its torque ``tau_NAME`` (its force ``F_NAME``), the outputs the positions.
+    Every joint is a port under its own name: effects act on it through the whole mass matrix.
+    Inertias are those of the file and stay. What ``<dynamics damping friction>`` gives is a
+    parameter, ``damping_NAME`` and ``friction_NAME``, and can be fitted. Limits of ``<limit>`` act
+    in the robot's controller and are no part of the model; neither are contacts.
+
+    MuJoCo reads the file and checks its masses. The dynamics are compiled, with exact derivatives,
+    and agree with MuJoCo's to rounding.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file. Meshes need not be there.
+    payload : str or tuple of str and tuple of float, optional
+        Link that may hold another mass, and where in its frame [m], by default at its origin: the
+        mass is the parameter ``payload`` [kg], zero at first.
+    **more
+        Further parameters of `PhysicsModel`: ``outputs``, ``columns``, ``simulation`` and so on.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+
+    Raises
+    ------
+    ModelError
+        If the file is no URDF, MuJoCo refuses it, or joints are coupled, float, or are balls.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = '''<robot name="crank"><link name="base"/><link name="arm"><inertial>
+    ...   <origin xyz="0.2 0 0"/><mass value="3"/>
+    ...   <inertia ixx="0.01" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    ...   <joint name="hub" type="continuous"><parent link="base"/><child link="arm"/>
+    ...   <axis xyz="0 1 0"/><dynamics damping="0.4"/></joint></robot>'''
+    >>> with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
+    ...     _ = file.write(text), file.flush()
+    ...     crank = from_urdf(file.name)
+    >>> list(crank.states), list(crank.inputs), crank.parameters["damping_hub"].unit
+    (['q_hub', 'w_hub'], ['tau_hub'], 'N m/(rad/s)')
+    """
+    path = os.fspath(path)
+    return _model(read_urdf(path), path, False, payload, more)
+
+
+def from_mjcf(
+    path: FilePath,
+    *,
+    controls: bool | None = None,
+    payload: str | tuple[str, tuple[float, float, float]] | None = None,
+    **more: Any,
+) -> PhysicsModel:
+    r"""Return the rigid-body dynamics of a robot that an MJCF file describes.
+
+    As `from_urdf`, and with what MuJoCo's own format adds: a joint's ``armature``, its spring
+    (``stiffness_NAME``), and the actuators. The inputs are the actuators' commands by their names,
+    where the file has actuators: motors, and servos of position or velocity, with gear, limits and
+    delay. MuJoCo's limits of joints and its contacts are no part of the model.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file, with the meshes that it needs.
+    controls : bool, optional
+        Whether the inputs are the actuators' commands, by default where there are actuators; else
+        they are the joints' torques.
+    payload : str or tuple of str and tuple of float, optional
+        Body that may hold another mass, see `from_urdf`.
+    **more
+        Further parameters of `PhysicsModel`.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+
+    Raises
+    ------
+    ModelError
+        If the file is no MJCF, MuJoCo refuses it, joints are coupled, float, or are balls, or an
+        actuator is of another kind.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = '''<mujoco><worldbody><body><joint name="hub" axis="0 1 0" armature="0.1"/>
+    ...   <geom type="capsule" size="0.02" fromto="0 0 0 0.4 0 0"/></body></worldbody>
+    ...   <actuator><motor name="drive" joint="hub" gear="50"/></actuator></mujoco>'''
+    >>> with tempfile.NamedTemporaryFile("w", suffix=".xml") as file:
+    ...     _ = file.write(text), file.flush()
+    ...     crank = from_mjcf(file.name)
+    >>> list(crank.inputs), list(crank.parameters)
+    (['drive'], ['gear_drive', 'armature_hub'])
+    """
+    path = os.fspath(path)
+    found = read_mjcf(path)
+    return _model(found, path, found.nu > 0 if controls is None else controls, payload, more)
+
+
+def _model(m: Any, path: str, commanded: bool, payload, more: Mapping) -> PhysicsModel:
+    joints = joints_of(m)
+    held = None if payload is None else Payload.of(payload)
+    q, w = [joint.q for joint in joints], [joint.w for joint in joints]
+    drive = controls(path, m, joints) if commanded else torques(joints)
+    own = [joint.parameters for joint in joints]
+    parameters: dict[str, Any] = {
+        **drive.parameters,
+        **{name: p for part in own for name, p in part.items()},
+    }
+    if held is not None:
+        parameters["payload"] = {"value": 0.0, "unit": "kg", "bounds": (0.0, np.inf)}
+    inverse, bias = _entries(m, joints, held)
+    known = zip(drive.efforts, joints, bias, strict=True)
+    efforts = [effort - joint.resistance - h for effort, joint, h in known]
+    rates = [sympy.Add(*(b * e for b, e in zip(row, efforts, strict=True))) for row in inverse]
+    usual = {
+        "name": _title(m, path),
+        "outputs": {str(s): s for s in q},
+        "initial_state": {str(s): float(at) for s, at in zip(q, m.qpos0, strict=True)},
+        "ports": {
+            joint.name: joint.port(dict(zip(map(str, w), column, strict=True)))
+            for joint, column in zip(joints, inverse, strict=True)
+        },
+    }
+    return PhysicsModel(
+        {str(j.q): j.unit("{x}") for j in joints} | {str(j.w): j.unit("{x}/s") for j in joints},
+        dict(zip(map(str, q), w, strict=True)) | dict(zip(map(str, w), rates, strict=True)),
+        parameters,
+        drive.inputs,
+        delays=drive.delays,
+        **{**usual, **more},
+    )
+
+
+def _entries(m: Any, joints: list[Joint], held: Payload | None):
+    r"""Return the entries of :math:`M^{-1}`, row by row, and those of :math:`h`."""
+    n = m.nv
+    free = [2 * n + i for i, joint in enumerate(joints) if joint.armature]
+    names = tuple(joint.name for joint in joints)
+    dynamics = TreeDynamics(tree_of(m, names, held), (*free, *([3 * n] if held else [])))
+    quantities = (
+        *(
+            joint.q - sympy.Float(at) if at else joint.q
+            for joint, at in zip(joints, m.qpos0, strict=True)
+        ),
+        *(joint.w for joint in joints),
+        *(joint.symbol("armature") for joint in joints),
+        symbol("payload"),
+    )
+
+    def entry(i, j):
+        result = dynamics.entries.index((min(i, j), max(i, j)) if j < n else (i, j))
+        places = dynamics.arguments(result)
+        return external(dynamics.outside[0], result, places)(*(quantities[a] for a in places))
+
+    return [[entry(i, j) for j in range(n)] for i in range(n)], [entry(i, n) for i in range(n)]
+
+
+def _title(m: Any, path: str) -> str:
+    """Return the robot's name: that of the file's root, or of the file."""
+    named = m.names.split(b"\0", 1)[0].decode("utf-8", "replace")
+    return named if named and named != "MuJoCo Model" else Path(path).stem

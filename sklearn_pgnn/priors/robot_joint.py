@@ -1,0 +1,133 @@
+"""A joint of a robot: its names, its parameters, and what resists its motion."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.port import Port
+
+#: letters of velocity and effort, and their units, at a hinge and at a slide
+HINGE = {"w": "w", "e": "tau", "x": "rad", "effort": "N m"}
+SLIDE = {"w": "v", "e": "F", "x": "m", "effort": "N"}
+#: what resists a joint, in the words of MJCF: its unit, and its force over stretch and velocity
+RESISTS = {
+    "damping": ("{effort}/({x}/s)", lambda q, w: w),
+    "drag": ("{effort}/({x}/s)^2", lambda q, w: w * sympy.Abs(w)),
+    "cubic_drag": ("{effort}/({x}/s)^3", lambda q, w: w**3),
+    "friction": ("{effort}", lambda q, w: sympy.sign(w)),
+    "stiffness": ("{effort}/{x}", lambda q, w: q),
+    "quadratic_stiffness": ("{effort}/{x}^2", lambda q, w: q**2),
+    "cubic_stiffness": ("{effort}/{x}^3", lambda q, w: q**3),
+}
+ARMATURE = "{effort}/({x}/s^2)"
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint with one coordinate, what it resists with, and where its spring is at rest."""
+
+    name: str
+    slides: bool
+    resists: Mapping[str, float]
+    armature: float
+    rest: float
+
+    @cached_property
+    def kind(self) -> Mapping[str, str]:
+        """Its letters and units."""
+        return SLIDE if self.slides else HINGE
+
+    @property
+    def q(self) -> sympy.Symbol:
+        """Its position."""
+        return symbol(f"q_{self.name}")
+
+    @property
+    def w(self) -> sympy.Symbol:
+        """Its velocity."""
+        return symbol(f"{self.kind['w']}_{self.name}")
+
+    @property
+    def effort(self) -> sympy.Symbol:
+        """Its torque or force."""
+        return symbol(f"{self.kind['e']}_{self.name}")
+
+    def unit(self, template: str) -> str:
+        """Return a unit of angles or lengths."""
+        return template.format(**self.kind)
+
+    def symbol(self, word: str) -> sympy.Symbol:
+        """Return one of its parameters."""
+        return symbol(f"{word}_{self.name}")
+
+    @property
+    def parameters(self) -> dict[str, dict]:
+        """What the file says of it, as parameters that may be fitted."""
+        units = {word: unit for word, (unit, _) in RESISTS.items()} | {"armature": ARMATURE}
+        values = {**self.resists, "armature": self.armature}
+        return {
+            f"{word}_{self.name}": {
+                "value": value,
+                "unit": self.unit(units[word]),
+                "bounds": (-np.inf if "quadratic" in word else 0.0, np.inf),
+            }
+            for word, value in values.items()
+            if value
+        }
+
+    @property
+    def stretch(self) -> sympy.Expr:
+        """How far its spring is stretched."""
+        return self.q - sympy.Float(self.rest) if self.rest else self.q
+
+    @property
+    def resistance(self) -> sympy.Expr:
+        """The torque of all that resists it."""
+        acting = (word for word, value in self.resists.items() if value)
+        return sympy.Add(*(self.symbol(k) * RESISTS[k][1](self.stretch, self.w) for k in acting))
+
+    def port(self, rates: Mapping[str, sympy.Expr]) -> Port:
+        """Return the port of its effort."""
+        return Port(self.name, self.w, self.q, rates, {}, self.unit("{effort}"))
+
+
+def joints_of(m: Any) -> list[Joint]:
+    """Return the joints of MuJoCo's model of a robot."""
+    names = [name_of(m, "joint", i) for i in range(m.nv)]
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise ModelError(f"expected joints of different names, got {min(twice)!r} twice.")
+    return [
+        Joint(name, bool(m.jnt_type[i] == 2), _resists(m, i), armature_of(m, i), m.qpos_spring[i])
+        for i, name in enumerate(names)
+    ]
+
+
+def _resists(m: Any, i: int) -> dict[str, float]:
+    """Return what resists a joint; older versions of MuJoCo know no polynomials."""
+    none = np.zeros((m.nv, 2))
+    drag = getattr(m, "dof_dampingpoly", none)[i]
+    spring = getattr(m, "jnt_stiffnesspoly", none)[i]
+    values = (m.dof_damping[i], *drag, m.dof_frictionloss[i], m.jnt_stiffness[i], *spring)
+    return dict(zip(RESISTS, map(float, values), strict=True))
+
+
+def armature_of(m: Any, joint: int) -> float:
+    """Return the armature of a joint, and of its actuators through their gears."""
+    own = float(m.dof_armature[joint])
+    rotors = getattr(m, "actuator_armature", np.zeros(m.nu))
+    at = (m.actuator_trntype <= 1) & (m.actuator_trnid[:, 0] == joint)
+    return own + float(rotors[at] @ m.actuator_gear[at, 0] ** 2)
+
+
+def name_of(m: Any, kind: str, number: int) -> str:
+    """Return the name of a joint or an actuator as it may stand in equations."""
+    name = re.sub(r"\W+", "_", getattr(m, kind)(number).name).strip("_")
+    return name if name[:1].isalpha() else f"{kind}{name or number + 1}"

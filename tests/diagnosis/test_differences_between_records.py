@@ -1,0 +1,149 @@
+"""Records of one machine that differ: hidden, and required to be found; nothing where none do."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn.exceptions import RecordWarning
+
+CART = PhysicsModel(
+    name="cart",
+    states={"x": "m", "v": "m/s"},
+    inputs={"F": "N"},
+    outputs={"x_m": "x"},
+    parameters={
+        "m": {"value": 2.1, "unit": "kg", "bounds": [0.5, 10], "spread": 0.2},
+        "d": {"value": 1.4, "unit": "N s/m", "bounds": [0, 20], "spread": 0.5},
+        "k": {"value": 52.0, "unit": "N/m", "bounds": [5, 200], "spread": 0.2},
+    },
+    equations={"x": "v", "v": "(F - d*v - k*x)/m"},
+    inertia={"v": "m"},
+)
+NOISE = 2e-4
+CANDIDATES = (
+    effects.CoulombFriction,
+    effects.ViscousFriction,
+    effects.CubicStiffness,
+    effects.InputGain,
+    effects.SensorBias,
+    effects.WrongParameter,
+)
+
+
+def records(seed, change, others, n_records=6, rig=CART):
+    """Return records of the machine with other parameters, or another zero, in some of them."""
+    random, tables, measured = np.random.default_rng(seed), [], []
+    t = np.arange(0, 8, 0.02)
+    for r in range(n_records):
+        waves = random.uniform(0.3, 2.5, 3), random.uniform(0, 2 * np.pi, 3)
+        F = 4 * np.sin(2 * np.pi * np.outer(t, waves[0]) + waves[1]).sum(axis=1)
+        values = {"m": 2.0, "d": 1.6, "k": 50.0} | (change if r in others else {})
+        zero = values.pop("zero", 0.0)
+        run = rig.with_parameters(**values).simulate(t, F, substeps=4)
+        tables.append(pd.DataFrame({"trajectory": f"run_{r}", "t": t, "F": F}))
+        measured.append(run.y[:, 0] + zero + NOISE * random.normal(size=t.size))
+    return pd.concat(tables, ignore_index=True), np.concatenate(measured)
+
+
+def with_onset(seed, change, since, record=1, n_records=3):
+    """Return records of which one is of a machine that changes at some time."""
+    before, y = records(seed, {}, (), n_records)
+    rows = np.flatnonzero(before["trajectory"] == f"run_{record}")
+    t, F = before["t"].to_numpy()[rows], before["F"].to_numpy()[rows]
+    k = int(np.searchsorted(t, since))
+    first = CART.with_parameters(m=2.0, d=1.6, k=50.0).simulate(t[: k + 1], F[: k + 1], substeps=4)
+    later = CART.with_parameters(**{"m": 2.0, "d": 1.6, "k": 50.0, **change})
+    rest = later.simulate(t[k:] - t[k], F[k:], first.x[-1], substeps=4)
+    noise = NOISE * np.random.default_rng(seed).normal(size=t.size)
+    y[rows] = np.r_[first.y[:-1, 0], rest.y[:, 0]] + noise
+    return before, y
+
+
+def named(diagnosis):
+    return [(cause.effect, cause.target) for cause in diagnosis.causes_]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "others", "n_records", "cause"),
+    [
+        ({"m": 2.5}, (1, 4), 6, ("parameter_difference", "m(in_run_1__run_4)")),
+        ({"k": 43.0}, (3,), 8, ("parameter_difference", "k(in_run_3)")),
+        ({"d": 2.6}, (0, 2, 5), 6, ("parameter_difference", "d(in_run_0__run_2__run_5)")),
+    ],
+)
+def test_what_differs_is_named_with_its_records(change, others, n_records, cause):
+    X, y = records(11, change, others, n_records)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    assert named(diagnosis) == [cause]
+    assert diagnosis.verdict_ == "cause_named"
+    assert diagnosis.remaining_.kind == "noise"
+    (column,) = diagnosis.groups_
+    assert diagnosis.to_dict()["groups"] == {column: list(diagnosis.groups_[column])}
+    (estimate,) = diagnosis.causes_[0].parameters.values()
+    name, value = next(iter(change.items()))
+    usual = {"m": 2.0, "d": 1.6, "k": 50.0}[name]
+    expected = value - usual
+    assert estimate.low <= expected <= estimate.high
+
+
+@pytest.mark.slow
+def test_another_zero_of_a_sensor_is_found():
+    X, y = records(11, {"zero": 0.004}, (2, 3))
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    assert named(diagnosis) == [("sensor_bias_difference", "x_m(in_run_2__run_3)")]
+    assert diagnosis.causes_[0].parameters["bias"].value == pytest.approx(0.004, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("change", "since"), [({"k": 44.0}, 5.1), ({"d": 2.4}, 3.3)])
+def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
+    X, y = with_onset(31, change, since)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    ((effect, target),) = named(diagnosis)
+    ((name, value),) = change.items()
+    what, column = target.rstrip(")").split("(")
+    assert (effect, what) == ("parameter_difference", name)
+    onset = float(column.split("__since_")[1].replace("p", "."))
+    assert onset == pytest.approx(since, abs=0.03 * 8.0)
+    assert diagnosis.causes_[0].summary.endswith(f"in run_1 since {onset:g} s.")
+    usual = {"d": 1.6, "k": 50.0}[name]
+    estimate = diagnosis.causes_[0].parameters["difference"]
+    assert estimate.value == pytest.approx(value - usual, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_difference_is_found_beside_an_effect_that_is_missing():
+    rig = CART + effects.CoulombFriction("v", level=0.6)
+    X, y = records(12, {"m": 2.4}, (2, 3), rig=rig)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    assert set(named(diagnosis)) == {
+        ("coulomb_friction", "v"),
+        ("parameter_difference", "m(in_run_2__run_3)"),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_where_nothing_differs_no_difference_is_named(seed):
+    X, y = records(seed, {}, ())
+    alike = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    assert (named(alike), alike.groups_, alike.verdict_) == ([], {}, "model_adequate")
+    X, y = records(seed, {}, (), rig=CART + effects.CoulombFriction("v", level=0.6))
+    lacking = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    assert (named(lacking), lacking.groups_) == ([("coulomb_friction", "v")], {})
+
+
+@pytest.mark.slow
+def test_a_prediction_asks_for_the_group():
+    X, y = records(13, {"m": 2.6}, (1, 4))
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    (column,) = diagnosis.groups_
+    new, measured = records(14, {"m": 2.6}, (0,), n_records=2)
+    known = diagnosis.predict(new.assign(**{column: (new["trajectory"] == "run_0").astype(float)}))
+    assert np.sqrt(np.mean((known - measured) ** 2)) < 3 * NOISE
+    with pytest.warns(RecordWarning, match=f"expected the column '{column}'.*Remedy: add the col"):
+        assumed = diagnosis.predict(new)
+    error = (assumed - measured).reshape(2, -1)
+    assert np.sqrt(np.mean(error[1] ** 2)) < 3 * NOISE < np.sqrt(np.mean(error[0] ** 2))
