@@ -29,6 +29,8 @@ from sklearn_pgnn.whole_file import is_stream, write_whole
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
+#: doubts of one kind that are told of one entry of a file
+MOST_TOLD = 5
 #: characters of a text that an error message shows
 SHOWN = 60
 _PLAIN_TAGS = {
@@ -154,12 +156,19 @@ class _Reader:
         self.warn(ModelWarning, said, "write it into an equation, or leave it out")
 
     def warn(self, kind: type[ModelWarning], sentences: Iterable[str], remedy: str) -> None:
-        """Warn of what is doubtful, with its line and the remedy."""
+        """Warn of what is doubtful, with its line and the remedy; a few times an entry."""
+        entries: dict[str, list[str]] = {}
         for said in sentences:
-            where = tuple(said.split(":")[0].split("."))
-            node = self.place(where)
+            entries.setdefault(said.split(":")[0], []).append(said)
+        for entry, of_it in entries.items():
+            node = self.place(tuple(entry.split(".")))
             line, column = (1, 1) if node is None else _line_and_column(node.start_mark)
-            warn_user(f"{self.path}:{line}:{column}: {said} Remedy: {remedy}.", kind)
+            place = f"{self.path}:{line}:{column}"
+            left = len(of_it) - MOST_TOLD
+            for said in of_it[:MOST_TOLD]:
+                warn_user(f"{place}: {said} Remedy: {remedy}.", kind)
+            if left > 0:
+                warn_user(f"{place}: {entry}: {left} more of this kind. Remedy: {remedy}.", kind)
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)

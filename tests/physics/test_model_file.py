@@ -415,3 +415,12 @@ def test_doubts_about_a_model_are_told_with_their_line(tmp_path):
         f"correct it, or leave it out.",
     ]
     assert told[1].category is UnitWarning
+
+
+def test_many_doubts_of_one_entry_are_a_few_and_a_number(file):
+    terms = "+".join(f"sin({i}*x)" for i in range(2, 32))
+    text = f"states: {{x: m}}\nequations: {{x: {terms}}}\n"
+    with pytest.warns(UnitWarning) as told:
+        read(file, text)
+    assert len(told) < 10
+    assert "equations.x: 55 more of this kind. Remedy: correct the term" in str(told[-1].message)
