@@ -36,22 +36,6 @@ def known_part(formula: Formula, model: PhysicsModel) -> Formula:
     return replace(formula, terms=terms, coefficients=coefficients)
 
 
-def known_part(formula: Formula, model: PhysicsModel) -> Formula:
-    """Return the part of a formula without the states that only another effect adds.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> formula = Formula("v", ("x**2", "force_lagged"), (0.1, 0.2))
-    >>> known_part(formula, cart_on_spring()).terms
-    ('x**2',)
-    """
-    pairs = zip(formula.terms, formula.coefficients, strict=True)
-    known = [(term, value) for term, value in pairs if _is_known(term, model)]
-    terms, coefficients = tuple(term for term, _ in known), tuple(value for _, value in known)
-    return replace(formula, terms=terms, coefficients=coefficients)
-
-
 def _is_known(term: str, model: PhysicsModel) -> bool:
     """Return whether a model has all states and inputs of a term."""
     try:
