@@ -7,13 +7,14 @@ from dataclasses import asdict, dataclass
 
 from cases import Case, make
 from laws import laws_of
+from machines import MACHINES
 
 from sklearn_pgnn import ModelDiagnosis
 from sklearn_pgnn.effects import by_id
 from sklearn_pgnn.estimation.same_in_equations import same_parameter
 
 OUTCOMES = ("named", "group", "absorbed", "missed", "wrong", "failed")
-#: share of the error power above the noise that counts as only noise
+#: share of the error power above the sensors' noise that counts as only noise
 LEFT = 0.05
 
 
@@ -90,7 +91,7 @@ def run(case: Case) -> Outcome:
         *_key(case),
         truth,
         f"{', '.join(names) or 'nothing'}; {diagnosis.verdict_}",
-        judge(case.kind, diagnosis, hidden, groups),
+        judge(case, diagnosis, hidden, groups),
         diagnosis.verdict_,
         max(map(len, groups), default=0),
         sum(inside),
@@ -108,7 +109,7 @@ def _since(start) -> float:
     return round(time.process_time() - start, 2)
 
 
-def judge(kind, diagnosis, hidden, groups) -> str:
+def judge(case, diagnosis, hidden, groups) -> str:
     """Judge a diagnosis.
 
     Where nothing is hidden, and for a disturbance, *named* means that no cause is named and, of a
@@ -116,6 +117,7 @@ def judge(kind, diagnosis, hidden, groups) -> str:
     in the right equation, or a cause that is just this law: the catalogue has grown since the laws
     were chosen.
     """
+    kind = case.kind
     if kind == "nothing":
         return (
             "named" if diagnosis.verdict_ in ("model_adequate", "nothing_found") else _false(groups)
@@ -130,7 +132,7 @@ def judge(kind, diagnosis, hidden, groups) -> str:
     if matched < len(groups):
         return "wrong"
     if matched < len(truth):
-        return "absorbed" if _leaves_noise(diagnosis) else "missed"
+        return "absorbed" if _leaves_noise(diagnosis, case) else "missed"
     return "named" if max(map(len, groups), default=1) == 1 else "group"
 
 
@@ -172,9 +174,11 @@ def _matched(groups, truth) -> int:
     return max(sum(c in g for c, g in zip(order, groups, strict=False)) for order in orders)
 
 
-def _leaves_noise(diagnosis) -> bool:
-    gains = diagnosis.gain_.values()
-    return all(g.extended**2 - g.noise**2 < LEFT * g.extended**2 for g in gains)
+def _leaves_noise(diagnosis, case) -> bool:
+    """Return whether no output has more left than the noise that its sensor was given."""
+    noise = MACHINES[case.machine].noise
+    left = [gain.extended for gain in diagnosis.gain_.values()]
+    return all(each**2 - noise**2 < LEFT * each**2 for each in left)
 
 
 def _chances(diagnosis, hidden) -> list[tuple[float, bool]]:

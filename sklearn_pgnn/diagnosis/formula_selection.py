@@ -17,6 +17,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.likely_places import likely_places
 from sklearn_pgnn.estimation.same_in_equations import same_causes
+from sklearn_pgnn.physics.effects import FURTHER
 from sklearn_pgnn.physics.places import places_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
@@ -56,6 +57,7 @@ class FormulaSelection:
         if not (causes or has_structure):
             return result, None
         asked = has_structure or search.compare.leaves_much(final) or self.is_law(search)
+        asked = asked or any(type(cause) in FURTHER for cause in causes)  # they imitate laws
         if len(causes) > 1 or asked:
             alone = self._alone(search)
             if alone and (not causes or _takes_the_place(search, alone, result.steps)):

@@ -50,6 +50,10 @@ class Ladder:
         self._criterion = criterion
         self._screening: Screening | None = None
 
+    def widen(self, candidates: tuple[Effect, ...]) -> None:
+        """Consider more candidates from now on."""
+        self.candidates, self._screening = candidates, None
+
     def first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
         """Fit candidates beside the causes on some samples for some steps, nearest first."""
         allowed = [c for c in candidates if current.hypothesis.allows(c)]

@@ -21,7 +21,7 @@ from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.estimation.shared_part import in_terms_of_the_model
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import frequent_first
+from sklearn_pgnn.physics.effects import FURTHER, frequent_first
 from sklearn_pgnn.record_quality.wiring import Rewired
 
 #: yields the hypotheses reached by a move that the criterion accepts, the best first
@@ -71,7 +71,7 @@ class Search:
         candidates, self.wiring = (*wirings, *candidates), wiring
         self.same = same_causes(fitter.problem.prior, candidates, self.progress.tick)
         self.given = (given | set(wirings[:1])) & set(self.same)
-        self._use(fitter, frequent_first(self.same))
+        self._use(fitter, tuple(c for c in frequent_first(self.same) if type(c) not in FURTHER))
         self.current = fitter.base()
         self._visited: dict[Key, float] = {}  # with what was left of each
         self._standing = self.current  # the best hypothesis of which every cause is named
@@ -93,10 +93,22 @@ class Search:
             else:
                 self.ladder.screen()  # what every candidate leaves alone is told
                 self.current = begin
-            self._climb_and_simplify()
-            self._prune_and_climb()
+            self._climb_and_prune()
+            if self._needs_further():
+                self.ladder.widen(frequent_first(self.same))
+                self._climb_and_prune()
             return self._result(complete=True)
         return self.so_far()
+
+    def _climb_and_prune(self) -> None:
+        self._climb_and_simplify()
+        self._prune_and_climb()
+
+    def _needs_further(self) -> bool:
+        """Return whether there are further candidates, and one of the others does not suffice."""
+        if len(self.ladder.candidates) == len(self.same):
+            return False
+        return len(self.current.hypothesis.causes) != 1 or self._is_worth_patience(self.current)
 
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far, without needless causes as far as the time allows."""

@@ -65,7 +65,7 @@ class HypothesisFitter(WindowFitter):
     @cached_property
     def rough(self) -> Subsample:
         """The samples of first fits."""
-        return subsample_windows(self.problem, self.base().fit.evaluation.squares)
+        return subsample_windows(self.problem, self.base().fit.evaluation.residual)
 
     @cached_property
     def scales(self) -> Scales:

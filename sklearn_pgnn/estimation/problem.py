@@ -264,19 +264,27 @@ class Subsample:
         return replace(self.windows, substeps=self.factor * self.windows.substeps)
 
 
-def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsample:
+def subsample_windows(problem: EstimationProblem, residual: np.ndarray) -> Subsample:
     """Take about `SAMPLES` samples: every n-th of a window, then every m-th window.
 
-    If the windows are few, and so long that this is still far more, their beginnings are taken.
+    If the windows are few, and so long that this is still far more, their beginnings are taken,
+    unless these have less than half of their share of the error: what is wrong must be seen.
     """
     factor = _thinning(problem)
     thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
-    which = np.sort(worst_first(squares)[:: one_of(thinned)])
+    squares = np.nansum(residual**2, axis=1)
+    of_windows = problem.windows.sum_blocks(squares[:, None]).sum(axis=(1, 2))
+    which = np.sort(worst_first(of_windows)[:: one_of(thinned)])
     few = thinned.select(which)
     period = math.ceil(problem.period / (factor * problem.scales.sample_time))
     # half more than the budget is what `one_of` may leave by rounding
     most = max(3 * SAMPLES // (2 * len(few)), period, MIN_SAMPLES)
-    return Subsample(replace(few, lengths=np.minimum(few.lengths, most)), which, factor)
+    begun = replace(few, lengths=np.minimum(few.lengths, most))
+    spans = zip(problem.windows.starts[which], factor * begun.lengths, strict=True)
+    told = sum(squares[a : a + n].sum() for a, n in spans)
+    share = begun.lengths.sum() / few.lengths.sum()
+    hidden = told < 0.5 * share * of_windows[which].sum()
+    return Subsample(few if hidden else begun, which, factor)
 
 
 def one_of(windows: ShootingWindows) -> int:

@@ -156,6 +156,24 @@ FREQUENT: tuple[type[Effect], ...] = (
     SensorSaturation,
 )
 
+#: with several numbers, or states that no output tells, these imitate simpler effects: they are
+#: tried where the others leave something, or more than one of them is needed
+FURTHER: frozenset[type[Effect]] = frozenset(
+    {
+        LoadStribeckFriction,
+        GearLoss,
+        HystereticSpring,
+        ElasticJoint,
+        JointPlay,
+        SpringPlay,
+        MaxwellBranch,
+        StoreBetween,
+        TwoRelaxationBranches,
+        InputFading,
+        InputCurve,
+    }
+)
+
 __all__ = ["CATALOGUE", "Formula", "by_id", *(effect.__name__ for effect in CATALOGUE)]
 
 
