@@ -33,7 +33,7 @@ def known(path) -> list[Outcome]:
 
 
 def summary(outcomes) -> str:
-    """Return the shares that the issue asks for."""
+    """Return the shares that are right, and what is said wrongly and for sure."""
     hidden = [o for o in outcomes if o.number >= 0]
     right = sum(o.outcome in ("right", "group") for o in hidden)
     nothing = [o for o in outcomes if o.number < 0]

@@ -1,4 +1,4 @@
-"""The cases of issue 57: 80 with an effect at a place, 40 with nothing hidden.
+"""The cases: 80 with an effect at a place, 40 with nothing hidden.
 
 The seeds are drawn from two roots. `FROZEN` makes the cases that count: they are run once, when
 everything is decided. `DEVELOPMENT` makes others of the same kinds, to work with.
