@@ -1,4 +1,4 @@
-"""The machines of issue 57: the model as its user has it, the rig, its drive, what is hidden."""
+"""The machines: the model as its user has it, the rig, its drive, what is hidden."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
