@@ -20,15 +20,7 @@ class NamedColumns(ColumnTransformer):
     def set_output(self, *, transform=None):
         """Choose the library of the table; an array, which has no names, is refused.
 
-        Parameters
-        ----------
-        transform : {"pandas", "polars"}, optional
-            The library; by default as before.
-
-        Returns
-        -------
-        self : NamedColumns
-            The transformer.
+        By default the library is as before.
         """
         if transform == "default":
             raise OptionError(
@@ -40,18 +32,7 @@ class NamedColumns(ColumnTransformer):
 
 
 def simulated_columns(X) -> list[str]:
-    """Return the names of the simulated columns of a table.
-
-    Parameters
-    ----------
-    X : DataFrame of any library
-        The table.
-
-    Returns
-    -------
-    list of str
-        The names.
-    """
+    """Return the names of the simulated columns of a table."""
     return [name for name in X.columns if name.endswith(SIMULATED)]
 
 

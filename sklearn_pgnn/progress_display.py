@@ -114,12 +114,7 @@ class _Live:
 class Lines:
     """A line when a stage begins, and one every few seconds while it goes on, with the time so far.
 
-    Parameters
-    ----------
-    write : callable
-        Takes a line.
-    clock : callable, default=time.monotonic
-        Returns the time [s].
+    `write` takes a line, `clock` returns the time [s].
     """
 
     def __init__(self, write: Callable[[str], object], clock: Callable[[], float] = monotonic):

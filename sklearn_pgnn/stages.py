@@ -24,13 +24,7 @@ WORDS = {
 
 
 def in_words(stage: str) -> str:
-    """Return a description of a stage; its own name if that is descriptive already.
-
-    Examples
-    --------
-    >>> in_words("cause 2"), in_words("held-out error"), in_words("writing the report")
-    ('cause 2, fitting the candidates', 'errors on held-out windows', 'writing the report')
-    """
+    """Return a description of a stage; its own name if that is descriptive already."""
     if re.fullmatch(r"cause \d+", stage):
         return f"{stage}, fitting the candidates"
     return WORDS.get(stage, stage)

@@ -33,16 +33,7 @@ LOCAL = (SequentialBackend, ThreadingBackend, LokyBackend, MultiprocessingBacken
 
 
 def local_threads(n_jobs: int | None) -> int:
-    """Return the number of threads on this computer for a given `n_jobs`.
-
-    Examples
-    --------
-    >>> local_threads(None), local_threads(3)
-    (1, 3)
-    >>> with parallel_config(n_jobs=2):
-    ...     local_threads(None)
-    2
-    """
+    """Return the number of threads on this computer for a given `n_jobs`."""
     backend, _ = get_active_backend()
     if type(backend) in LOCAL:
         return effective_n_jobs(n_jobs)
@@ -70,19 +61,7 @@ def other_processes(n_jobs: int | None) -> int:
 def in_turn(calls: list, n_jobs: int | None, **options) -> Iterable[Any]:
     """Return the results of calls in order, each as soon as joblib's backend returns it.
 
-    Parameters
-    ----------
-    calls : list
-        Calls made by `joblib.delayed`.
-    n_jobs : int or None
-        As in joblib.
-    **options
-        Options of `joblib.Parallel`.
-
-    Returns
-    -------
-    iterable
-        The results.
+    They are made by `joblib.delayed`; options are those of `joblib.Parallel`.
 
     Examples
     --------
@@ -179,13 +158,6 @@ def one_thread_each() -> Iterator[int]:
 
     OpenMP limits the threads of each caller, BLAS and torch those of the process: the latter are
     restored when the last of several blocks has ended, whichever that is.
-
-    Examples
-    --------
-    >>> from threadpoolctl import threadpool_info
-    >>> with one_thread_each():
-    ...     print({library["num_threads"] for library in threadpool_info()} <= {1})
-    True
     """
     with _PROCESS.lock:
         _PROCESS.ask_torch()

@@ -17,14 +17,6 @@ def warn_user(message: str | Warning, category: type[Warning] = UserWarning) -> 
 
     It is what ``skip_file_prefixes`` of `warnings.warn` does since Python 3.12; the number of calls
     in between may change without an effect on the line.
-
-    Examples
-    --------
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always")
-    ...     warn_user("the clock is strange.")
-    >>> caught[0].filename.startswith("<doctest")
-    True
     """
     warnings.warn(message, category, stacklevel=_level())
 

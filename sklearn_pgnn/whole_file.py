@@ -29,13 +29,6 @@ def write_whole(path: Path, content: str | bytes, mode: int = USUAL) -> None:
     """Write a temporary file next to the target, and move it into place in one step.
 
     A text is written as UTF-8, its line endings unchanged; `mode` is reduced by the user's mask.
-
-    Examples
-    --------
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_whole(Path(folder, "note.txt"), "read me")
-    ...     os.listdir(folder)
-    ['note.txt']
     """
     data = content.encode(errors="replace") if isinstance(content, str) else content
     temporary = path.with_name(f"{UNFINISHED}{uuid4().hex[:12]}")
@@ -59,13 +52,6 @@ class WorkingFolder:
     """A new folder for what is being written; leftovers of killed processes beside it are removed.
 
     Its name begins with `begin`; `path` is where it is.
-
-    Examples
-    --------
-    >>> with tempfile.TemporaryDirectory() as parent:
-    ...     folder = WorkingFolder(Path(parent))
-    ...     folder.path.parent == Path(parent), folder.remove(), os.listdir(parent)
-    (True, None, [])
     """
 
     def __init__(self, parent: Path, begin: str = UNFINISHED):

@@ -12,13 +12,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def read_noise(words: Sequence[str], outputs: Sequence[str]) -> list[float] | None:
-    """Read the noise of a model's outputs.
-
-    Examples
-    --------
-    >>> read_noise(["v=0.1", "x=2e-3"], ["x", "v"])
-    [0.002, 0.1]
-    """
+    """Read the noise of a model's outputs."""
     if not words:
         return None
     found: dict[str, float] = {}

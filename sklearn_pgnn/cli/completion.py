@@ -21,16 +21,6 @@ FILE = _File()
 def complete_effects(_context, _option, begun: str) -> list[str]:
     """Return the possible completions of a comma-separated list of effects.
 
-    Parameters
-    ----------
-    begun : str
-        The text typed so far.
-
-    Returns
-    -------
-    list of str
-        The list, completed by each effect that matches its last word.
-
     Examples
     --------
     >>> complete_effects(None, None, "leak,input_bi")

@@ -28,20 +28,8 @@ def run_demo(
 ) -> None:
     """Write the model file and the records, diagnose them, and report the findings.
 
-    Parameters
-    ----------
-    output : str or path-like
-        Folder; the input goes to its folder ``input``.
-    n_jobs : int, default=-1
-        Number of threads, and of processes where these pay.
-    quiet : bool, default=False
-        Whether to print the verdict only.
-    force : bool, default=False
-        Whether an earlier demo may be replaced.
-    as_json : bool, default=False
-        Whether to print ``diagnosis.json`` in place of words.
-    opens : bool, default=False
-        Whether to open the report.
+    The input goes to the folder ``input`` of the output. `n_jobs` is the number of threads, and of
+    processes where these pay; with `as_json` ``diagnosis.json`` is printed in place of words.
     """
     check_free(Path(output), NAMES, force=force)
     place, words = Path(output) / "input", not (quiet or as_json)

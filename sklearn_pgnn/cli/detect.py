@@ -16,20 +16,9 @@ from sklearn_pgnn.inspection.strict_json import as_strict_json
 class DetectJob:
     """The detectability of effects in files of records.
 
-    Parameters
-    ----------
-    model : str or path-like
-        The model file.
-    data : sequence of str or path-like
-        The files of records.
-    power : float
-        Probability with which an effect should be named.
-    noise, catalogue, exclude, targets : sequence of str
-        Words, see `sklearn_pgnn.cli.choices`.
-    sample_time : float, optional
-        Sample interval [s] of files without a time.
-    **options
-        As in `ModelDiagnosis`.
+    `power` is the probability with which an effect should be named; for the words of `noise`,
+    `catalogue`, `exclude` and `targets` see `sklearn_pgnn.cli.choices`. The sample time [s] is that
+    of files without a time; `options` are those of `ModelDiagnosis`.
     """
 
     def __init__(

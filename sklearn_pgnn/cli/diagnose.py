@@ -58,25 +58,9 @@ class Done(NamedTuple):
 class Job:
     """One call of ``sklearn-pgnn diagnose``.
 
-    Parameters
-    ----------
-    model : str or path-like
-        The model file.
-    data : sequence of str or path-like
-        The files of records.
-    output : str or path-like
-        Folder of the results.
-    quiet : bool, default=False
-        Whether to print the verdict only.
-    force : bool, default=False
-        Whether an earlier result may be replaced.
-    as_json : bool, default=False
-        Whether to print ``diagnosis.json`` in place of words.
-    opens : bool, default=False
-        Whether to open the report.
-    options : mapping of str to object, default={}
-        ``sample_time`` as in `read_files`; words for ``noise``, ``catalogue``, ``exclude`` and
-        ``targets``, see `sklearn_pgnn.cli.choices`; all others as in `ModelDiagnosis`.
+    With `quiet` the verdict only is printed, with `as_json` ``diagnosis.json`` in place of words.
+    The options are ``sample_time`` as in `read_files`; words for ``noise``, ``catalogue``,
+    ``exclude`` and ``targets``, see `sklearn_pgnn.cli.choices`; all others as in `ModelDiagnosis`.
     """
 
     model: str | PathLike

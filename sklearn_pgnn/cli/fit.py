@@ -21,20 +21,9 @@ from sklearn_pgnn.trajectories import read_records
 class FitJob:
     """A model file fitted to files of records.
 
-    Parameters
-    ----------
-    model : str or path-like
-        The model file.
-    data : sequence of str or path-like
-        The files of records.
-    free_run : bool
-        Whether the error of the free run is minimised, in place of that over windows.
-    free, noise : sequence of str
-        Parameters to fit (all that are not fixed if there are none), and words for the noise.
-    sample_time : float, optional
-        Time from sample to sample [s] of files without a time.
-    **options
-        As `PhysicsModelRegressor` has them.
+    The error of the free run is minimised, or that over windows. `free` are parameters to fit, all
+    that are not fixed if there are none; the sample time [s] is that of files without a time;
+    `options` are those of `PhysicsModelRegressor`.
     """
 
     def __init__(self, model, data, *, free_run, free, noise, sample_time=None, **options):

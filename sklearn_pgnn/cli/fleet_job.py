@@ -34,17 +34,8 @@ SHOWN = 20
 class FleetJob:
     """One call of ``sklearn-pgnn fleet``.
 
-    Parameters
-    ----------
-    model : str
-        The model file.
-    records : str
-        The folder of the records.
-    output : str
-        Folder of the results.
-    options : mapping of str to object
-        ``pattern``, ``cluster``, ``earlier``, ``sample_time`` and ``n_jobs``; all others as in
-        `sklearn_pgnn.cli.diagnose.Job`.
+    The options are ``pattern``, ``cluster``, ``earlier``, ``sample_time`` and ``n_jobs``; all
+    others as in `sklearn_pgnn.cli.diagnose.Job`.
     """
 
     model: str
@@ -131,18 +122,7 @@ def _reader(pattern: str) -> Callable[[Path], str | None]:
 def print_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
     """Print the findings on a fleet.
 
-    Parameters
-    ----------
-    fleet : FleetDiagnosis
-        The fitted fleet.
-    output : str
-        Location of its report.
-    as_json : bool
-        Whether to print it as JSON.
-    quiet : bool
-        Whether to print the count of every verdict only.
-    opens : bool
-        Whether to open the report.
+    `output` is the location of its report; with `quiet` the count of every verdict only is printed.
     """
     report = Path(output, REPORT)
     if as_json:

@@ -23,12 +23,7 @@ class Unusable(click.ClickException):
 class Bug(click.ClickException):
     """A bug of the package: one line on stderr.
 
-    Parameters
-    ----------
-    error : Exception
-        The error.
-    kept : str, default=""
-        A sentence on the findings that are kept in spite of it; with one the exit code is 3.
+    `kept` is a sentence on the findings that are kept in spite of it; with one the exit code is 3.
     """
 
     exit_code = 1
@@ -61,10 +56,7 @@ def one_line(text: object) -> str:
 def guarded(debug: bool):
     """Turn errors into one line and an exit code, and signals into an orderly end.
 
-    Parameters
-    ----------
-    debug : bool
-        Whether to print the traceback as well.
+    With `debug` the traceback is printed as well.
     """
     with stoppable():
         try:
@@ -79,13 +71,7 @@ def guarded(debug: bool):
 
 @contextmanager
 def writing(what: object):
-    """Turn errors of the file system into `Unusable`.
-
-    Parameters
-    ----------
-    what : path-like or str
-        The file that is written.
-    """
+    """Turn errors of the file system into `Unusable`."""
     try:
         yield
     except OSError as error:

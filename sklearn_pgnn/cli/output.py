@@ -23,20 +23,7 @@ def strict_json(diagnosis) -> str:
 
 
 def refuse_existing(path, *, force: bool) -> None:
-    """Refuse to replace a file, unless requested, and to write to a missing folder.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-    force : bool
-        Whether it may be replaced.
-
-    Raises
-    ------
-    OptionError
-        If it exists already, or its folder does not.
-    """
+    """Refuse to replace a file, unless requested, and to write to a missing folder."""
     if not Path(path).absolute().parent.is_dir():
         raise OptionError(f"{path}: expected its folder to exist. Remedy: create it first.")
     if Path(path).is_dir():
@@ -51,19 +38,7 @@ def refuse_existing(path, *, force: bool) -> None:
 def write_file(path, text: str, *, force: bool) -> None:
     """Write a file completely or not at all.
 
-    Parameters
-    ----------
-    path : str or path-like
-        Output file.
-    text : str
-        Its content.
-    force : bool
-        Whether a file may be replaced.
-
-    Raises
-    ------
-    OptionError
-        If it exists already and may not be replaced.
+    Only with `force` an existing one is replaced.
     """
     refuse_existing(path, force=force)
     with held(), writing(path):
@@ -111,21 +86,6 @@ def result_folder(output: Path):
 
     It stands beside `output`, and is removed after an error or a signal; where it could not be,
     the next run removes it.
-
-    Parameters
-    ----------
-    output : Path
-        Where the files shall be in the end.
-
-    Yields
-    ------
-    Path
-        Where to write them.
-
-    Raises
-    ------
-    OptionError
-        If `output` is no folder, or none can be made there.
     """
     _check_place(output)
     with held(), writing(output):

@@ -46,18 +46,7 @@ SURE = 0.99
 
 
 def described_files(diagnosis) -> dict[str, str]:
-    """Return a description of each file of a diagnosis, by file name.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    dict of str to str
-        Names and descriptions.
-    """
+    """Return a description of each file of a diagnosis, by file name."""
     return {
         "report.html": "the full report with plots; open it first",
         "diagnosis.json": "the same for programs",

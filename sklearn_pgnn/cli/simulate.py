@@ -19,28 +19,9 @@ def simulate_files(
 ) -> tuple[PhysicsModel, pd.DataFrame, dict[str, list[float]]]:
     """Simulate a model file on the inputs of files, in free run.
 
-    Parameters
-    ----------
-    model : str or path-like
-        The model file.
-    data : sequence of str or path-like
-        Files of records; outputs may be missing.
-    sample_time : float, optional
-        Sample interval [s] of files without a time.
-
-    Returns
-    -------
-    model : PhysicsModel
-        The model.
-    table : DataFrame
-        Time, inputs, states and outputs; units are in the header.
-    fits : dict of str to list of float
-        Fit of the measured outputs [%], by record; empty if none was measured.
-
-    Raises
-    ------
-    SimulationError
-        If a record becomes non-finite.
+    The outputs may be missing in the files; the sample time [s] is that of files without a time.
+    The table has time, inputs, states and outputs, with units in the header; the fits of the
+    measured outputs [%] are by record, empty if none was measured.
     """
     read = read_model(model)
     X, y = read_inputs(read, data, sample_time)
@@ -78,18 +59,7 @@ def to_csv(rows: pd.DataFrame) -> str:
 def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
     """Print the fit to the records, and the location of the simulation.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    fits : dict of str to list of float
-        Fits by record [%].
-    output : str
-        Where the simulation was written.
-    samples : int
-        Number of samples.
-    quiet : bool
-        Whether to print nothing.
+    The fits [%] are by record.
     """
     if quiet:
         return

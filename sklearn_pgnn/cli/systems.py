@@ -12,20 +12,7 @@ SYSTEMS = {
 def make_system(name: str):
     """Return a ready system.
 
-    Parameters
-    ----------
-    name : str
-        A key of `SYSTEMS`.
-
-    Returns
-    -------
-    PhysicsModel
-        The model.
-
-    Examples
-    --------
-    >>> make_system("two-tanks").name
-    'two tanks'
+    Its name is a key of `SYSTEMS`.
     """
     from sklearn_pgnn import systems  # loads sympy, which most commands' help does without
 

@@ -14,18 +14,6 @@ SINES, LEVELS, PAUSES = 6, 12, 0.2
 def multisine(t, rng):
     r"""Add up sines of random frequency and phase, :math:`\sum_i \sin(2\pi f_i t + \alpha_i)`.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    rng : numpy.random.RandomState
-        Random generator for frequencies and phases.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The excitation.
-
     Examples
     --------
     >>> wave = multisine(np.linspace(0, 10, 1001), np.random.RandomState(0))
@@ -40,18 +28,6 @@ def multisine(t, rng):
 def sine(t, rng):
     r"""Return one sine of random frequency from rest, :math:`\sin(2\pi f t)`.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    rng : numpy.random.RandomState
-        Random generator for the frequency.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The excitation.
-
     Examples
     --------
     >>> float(sine(np.linspace(0, 10, 1001), np.random.RandomState(0))[0])
@@ -62,19 +38,7 @@ def sine(t, rng):
 
 
 def chirp(t, rng):
-    r"""Sweep a sine over the whole band, its frequency growing exponentially.
-
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    rng : numpy.random.RandomState
-        Random generator for the phase and the direction of the sweep.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The excitation.
+    """Sweep a sine over the whole band, its frequency growing exponentially.
 
     Examples
     --------
@@ -91,18 +55,6 @@ def chirp(t, rng):
 
 def steps(t, rng):
     """Hold random levels, some of them zero, for random times.
-
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    rng : numpy.random.RandomState
-        Random generator for levels and times.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,)
-        The excitation.
 
     Examples
     --------
@@ -126,26 +78,9 @@ MIXED = ("multisine", "chirp", "steps")
 def excite(kinds, t, n_records: int, n_inputs: int, rng):
     """Draw the excitations of a set of records, independently for every input.
 
-    Parameters
-    ----------
-    kinds : str or sequence of str
-        Names in `EXCITATIONS`, taken in turn record by record; ``"mixed"`` stands for `MIXED`.
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    n_records, n_inputs : int
-        Number of records and of inputs.
-    rng : numpy.random.RandomState
-        Random generator for the excitations.
-
-    Returns
-    -------
-    ndarray of shape (n_records, n_samples, n_inputs)
-        Excitations with a largest magnitude of 1.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown.
+    `kinds` are names in `EXCITATIONS`, taken in turn record by record; ``"mixed"`` stands for
+    `MIXED`. The excitations, of shape (n_records, n_samples, n_inputs), have a largest magnitude of
+    1.
 
     Examples
     --------

@@ -178,19 +178,7 @@ def _check_finite(t, y) -> None:
 def perturb(model, error: float, rng):
     r"""Perturb every free parameter by a random factor :math:`1 + \epsilon`, within its bounds.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    error : float
-        Largest :math:`|\epsilon|`.
-    rng : numpy.random.RandomState
-        Random generator for the factors.
-
-    Returns
-    -------
-    PhysicsModel
-        A new model.
+    `error` is the largest :math:`|\epsilon|`.
 
     Examples
     --------

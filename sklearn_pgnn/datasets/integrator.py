@@ -39,36 +39,11 @@ SWEEPS, ROUNDING = 300, 1e-10
 def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
     """Simulate many records of equal length together.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The machine.
-    t : ndarray of shape (n_samples,)
-        Time [s], increasing, common to the records.
-    u : ndarray of shape (n_records, n_samples, n_inputs), optional
-        Inputs, held from sample to sample unless the model's `simulation` asks for linear
-        interpolation; by default zero.
-    x0 : ndarray of shape (n_records, n_states), optional
-        Initial states; by default the model's `initial_state` in every record, with `settled`
-        states at the first inputs.
-    substeps : int, default=4
-        Runge-Kutta steps per sample interval.
-
-    Returns
-    -------
-    x : ndarray of shape (n_records, n_samples, n_states)
-        States; not finite where a record became non-finite.
-    y : ndarray of shape (n_records, n_samples, n_outputs)
-        Outputs.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics import PhysicsModel
-    >>> lag = PhysicsModel({"x": "V"}, {"x": "(u - x)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> t = np.linspace(0, 4, 5)
-    >>> x, y = integrate(lag, t, np.ones((1, 5, 1)))
-    >>> np.abs(y[0, :, 0] - (1 - np.exp(-t / 2))).max() < 1e-6
-    np.True_
+    Times [s] are common to the records. Inputs, of shape (n_records, n_samples, n_inputs) and by
+    default zero, are held from sample to sample unless the model's `simulation` asks for linear
+    interpolation. Initial states, (n_records, n_states), are by default the model's `initial_state`
+    in every record, with `settled` states at the first inputs. Return states, not finite where a
+    record became non-finite, and outputs, both of shape (n_records, n_samples, ...).
     """
     t = np.asarray(t, dtype=float)
     if u is None:
@@ -115,12 +90,7 @@ def _run(plant, t, edges, sampled, acting, x, substeps):
 class Inputs:
     """The inputs between two successive instants at which any of them may jump or have a kink.
 
-    Parameters
-    ----------
-    start : float
-        The first instant [s].
-    lines : list of (ndarray, ndarray)
-        Initial value and slope of every input, by column.
+    `start` is the first instant [s]; `lines` has initial value and slope of every input, by column.
     """
 
     start: float
@@ -244,13 +214,7 @@ def _runge_kutta(plant, t, h, x, u, side, moving):
 
 
 class Plant:
-    """A model's equations as NumPy functions of columns, with the parameters' values inserted.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The machine.
-    """
+    """A model's equations as NumPy functions of columns, with the parameters' values inserted."""
 
     def __init__(self, model):
         states, inputs = map(symbol, model.states), map(symbol, model.inputs)

@@ -7,36 +7,9 @@ import pandas as pd
 def make_tables(model, t, u, x0, y):
     """Write records as two tables, one row per sample, one trajectory after the other.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Defines the columns.
-    t : ndarray of shape (n_samples,)
-        Time [s], common to the records.
-    u : ndarray of shape (n_records, n_samples, n_inputs)
-        Inputs.
-    x0 : ndarray of shape (n_records, n_states)
-        Initial states.
-    y : ndarray of shape (n_records, n_samples, n_outputs)
-        Measured outputs.
-
-    Returns
-    -------
-    X : pandas.DataFrame
-        Columns ``trajectory``, ``t``, the inputs and the states; the states are known in the
-        first row of a trajectory and NaN in the others.
-    y : pandas.DataFrame
-        The outputs.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics import systems
-    >>> X, y = make_tables(systems.golf_robot(), np.arange(2.0), np.ones((1, 2, 1)),
-    ...                    np.zeros((1, 2)), np.zeros((1, 2, 1)))
-    >>> X
-       trajectory    t  torque  phi  omega
-    0           0  0.0     1.0  0.0    0.0
-    1           0  1.0     1.0  NaN    NaN
+    X has the columns ``trajectory``, ``t``, the inputs and the states; the states are known in the
+    first row of a trajectory and NaN in the others. Times [s] are common to the records, over which
+    the first axis of `u`, `x0` and `y` runs.
     """
     n_records, n_samples = u.shape[:2]
     x = np.full((n_records, n_samples, len(model.states)), np.nan)
@@ -53,21 +26,8 @@ def make_tables(model, t, u, x0, y):
 def add_noise(model, y, noise, rng):
     """Add white Gaussian noise to the outputs.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Defines the outputs.
-    y : ndarray of shape (n_records, n_samples, n_outputs)
-        Noise-free outputs.
-    noise : float or mapping of str to float
-        Standard deviation, common or per output.
-    rng : numpy.random.RandomState
-        Random generator for the noise.
-
-    Returns
-    -------
-    ndarray of shape (n_records, n_samples, n_outputs)
-        Noisy outputs.
+    Their shape is (n_records, n_samples, n_outputs). The standard deviation `noise` is common, or
+    per output by name.
     """
     return y + noise_levels(model, noise) * rng.standard_normal(y.shape)
 
@@ -75,22 +35,7 @@ def add_noise(model, y, noise, rng):
 def noise_levels(model, noise):
     """Return the standard deviation of the noise of every output.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Defines the outputs.
-    noise : float or mapping of str to float
-        Standard deviation, common or per output; outputs missing from a mapping have no noise.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        Standard deviations.
-
-    Raises
-    ------
-    ValueError
-        If one is negative or an output unknown.
+    `noise` is common, or per output; outputs missing from a mapping have no noise.
     """
     levels = noise if hasattr(noise, "get") else dict.fromkeys(model.outputs, noise)
     unknown = [name for name in levels if name not in model.outputs]

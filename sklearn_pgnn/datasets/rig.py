@@ -21,16 +21,8 @@ ROUNDS, NEAR = 8, 0.3
 class Rig:
     """The commanded inputs of a set of records of equal length.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    waves : ndarray of shape (n_records, n_samples, n_inputs)
-        Excitations with a largest magnitude of 1.
-    offset : ndarray of shape (n_inputs,)
-        Inputs about which the rig is driven.
-    substeps : int, default=1
-        Integration steps per sample interval.
+    Excitations `waves`, of shape (n_records, n_samples, n_inputs), have a largest magnitude of 1;
+    `offset` are the inputs about which the rig is driven.
     """
 
     t: np.ndarray
@@ -41,37 +33,17 @@ class Rig:
     def inputs(self, amplitudes):
         """Return the commanded inputs.
 
-        Parameters
-        ----------
-        amplitudes : ndarray of shape (n_records,)
-            Amplitude of every record [input].
-
-        Returns
-        -------
-        ndarray of shape (n_records, n_samples, n_inputs)
-            Inputs.
+        Every record has an amplitude [input]; the inputs have shape (n_records, n_samples,
+        n_inputs).
         """
         return self.offset + amplitudes[:, None, None] * self.waves
 
     def run(self, plant, amplitudes, *, states=()):
         """Drive a machine from its initial state.
 
-        Parameters
-        ----------
-        plant : PhysicsModel
-            The machine.
-        amplitudes : ndarray of shape (n_records,)
-            Amplitude of every record [input].
-        states : collection of str, default=()
-            States that start at `initial_state`; the other states of the plant start at their
-            equilibrium for `offset`. By default all start at `initial_state`.
-
-        Returns
-        -------
-        x : ndarray of shape (n_records, n_samples, n_states)
-            States.
-        y : ndarray of shape (n_records, n_samples, n_outputs)
-            Outputs without noise.
+        `states` start at `initial_state`; the other states of the plant start at their equilibrium
+        for `offset`. By default all start at `initial_state`. Return states and outputs without
+        noise, both of shape (n_records, n_samples, ...).
         """
         start = np.array([list(plant.initial_state.values())] * len(amplitudes))
         start = settled(plant, states or plant.states, start, self.offset)
@@ -79,19 +51,9 @@ class Rig:
 
 
 def resting_input(model):
-    r"""Return the inputs that hold a machine in its initial state.
+    """Return the inputs that hold a machine in its initial state.
 
     This is the least-squares solution of :math:`f(0, x_0, u) = 0` for rates affine in the inputs.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The machine.
-
-    Returns
-    -------
-    ndarray of shape (n_inputs,)
-        The inputs.
 
     Examples
     --------
@@ -107,23 +69,10 @@ def resting_input(model):
 
 
 def settled(plant, known, x, u):
-    r"""Set the unknown states (those of an actuator) to values at which their rate is zero.
+    """Set the unknown states (those of an actuator) to values at which their rate is zero.
 
-    Parameters
-    ----------
-    plant : PhysicsModel
-        The machine.
-    known : collection of str
-        States that are left unchanged.
-    x : ndarray of shape (n_records, n_states)
-        States.
-    u : ndarray of shape (n_inputs,) or (n_records, n_inputs)
-        Inputs.
-
-    Returns
-    -------
-    ndarray of shape (n_records, n_states)
-        States; a rate is taken as affine in its own state.
+    The `known` ones are left unchanged; a rate is taken as affine in its own state. `x` has shape
+    (n_records, n_states), `u` (n_inputs,) or (n_records, n_inputs).
     """
     x, unknown = x.copy(), [i for i, name in enumerate(plant.states) if name not in known]
     if not unknown:
@@ -149,17 +98,7 @@ def settled(plant, known, x, u):
 def excursion(model, y):
     """Return the largest excursion of the first output, relative to its reach.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Model that gives the output's unit.
-    y : ndarray of shape (n_records, n_samples, n_outputs)
-        Outputs.
-
-    Returns
-    -------
-    ndarray of shape (n_records,)
-        Excursions; infinite where a record is not finite.
+    Every record has one; it is infinite where the record is not finite.
     """
     reach = REACH.get(model.unit(next(iter(model.outputs))), 1.0)
     moved = np.abs(y[..., 0] - y[:, :1, 0]).max(axis=1)
@@ -169,19 +108,8 @@ def excursion(model, y):
 def find_amplitudes(rig: Rig, model, goals):
     """Find the amplitude with which every record reaches its goal.
 
-    Parameters
-    ----------
-    rig : Rig
-        The excitations.
-    model : PhysicsModel
-        The machine.
-    goals : ndarray of shape (n_records,)
-        Desired excursions, as fractions of the reach.
-
-    Returns
-    -------
-    ndarray of shape (n_records,)
-        Amplitudes [input].
+    Goals are desired excursions, as fractions of the reach; the amplitudes are in the unit of the
+    input.
     """
     amplitudes = np.full(goals.size, max(1.0, np.abs(rig.offset).max(initial=0.0)))
     for _ in range(ROUNDS):
@@ -195,21 +123,8 @@ def find_amplitudes(rig: Rig, model, goals):
 def run_bounded(rig: Rig, plant, model, amplitudes):
     """Drive a machine, adjusting the amplitude of records that move too far or hardly at all.
 
-    Parameters
-    ----------
-    rig : Rig
-        The excitations.
-    plant, model : PhysicsModel
-        The machine, and its model, which defines the known states.
-    amplitudes : ndarray of shape (n_records,)
-        Initial amplitudes [input].
-
-    Returns
-    -------
-    amplitudes : ndarray of shape (n_records,)
-        Final amplitudes [input].
-    x, y : ndarray of shape (n_records, n_samples, n)
-        States and outputs without noise.
+    The model defines the known states. Return the final amplitudes [input], and states and outputs
+    without noise, both of shape (n_records, n_samples, n).
     """
     x, y = rig.run(plant, amplitudes, states=model.states)
     least, amplitudes = KEPT * amplitudes, amplitudes.copy()

@@ -119,19 +119,7 @@ SPANS = {("input_backlash", "width"): 2.0}
 def measure_scales(model, t, u, x, y) -> Scales:
     """Measure the magnitudes of the signals of a set of records.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Defines the signals.
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    u, x, y : ndarray of shape (n_records, n_samples, n)
-        Inputs, states and outputs.
-
-    Returns
-    -------
-    Scales
-        The scales.
+    Inputs, states and outputs have shape (n_records, n_samples, n).
     """
     signals = {
         name: values[..., i]
@@ -157,23 +145,8 @@ def measure_scales(model, t, u, x, y) -> Scales:
 def family(kind, target: str, model, scales: Scales, rng):
     """Draw an effect of undetermined size.
 
-    Parameters
-    ----------
-    kind : type of Effect
-        Class of the effect.
-    target : str
-        Target of the effect.
-    model : PhysicsModel
-        The machine.
-    scales : Scales
-        Magnitudes of its signals.
-    rng : numpy.random.RandomState
-        Random generator for the proportions of its parameters and its sign.
-
-    Returns
-    -------
-    callable
-        The effect as a function of its size.
+    Return the effect as a function of its size; `rng` draws the proportions of its parameters, and
+    its sign.
     """
     sign = rng.choice([-1.0, 1.0])
     if kind.id == "wrong_parameter":
@@ -200,36 +173,14 @@ def family(kind, target: str, model, scales: Scales, rng):
 
 
 def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int = 1):
-    r"""Return an effect of a size that matters.
+    """Return an effect of a size that matters.
 
     The size is bisected until the outputs with and without the effect, both started from the
     same states, differ on short windows by a drawn multiple (`MATTERS`) of the noise.
 
-    Parameters
-    ----------
-    effect : callable
-        The effect as a function of its size.
-    model : PhysicsModel
-        The machine without the effect.
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    u, x : ndarray of shape (n_records, n_samples, n)
-        Inputs, and the states of the machine without the effect.
-    scales : Scales
-        Magnitudes of the signals, and length of a window.
-    floor : ndarray of shape (n_outputs,)
-        Noise of the outputs.
-    rng : numpy.random.RandomState
-        Random generator for the windows and the multiple.
-    substeps : int, default=1
-        Integration steps per sample interval.
-
-    Returns
-    -------
-    effect : Effect
-        The effect.
-    matters : bool
-        Whether the effect reaches the least multiple; if not, it has the largest size.
+    `effect` is a function of its size, `x` are the states of the machine without it, and `floor` is
+    the noise of the outputs. Return the effect, and whether it reaches the least multiple; if not,
+    it has the largest size.
     """
     wanted = np.exp(rng.uniform(*np.log(MATTERS)))
     windows = _windows(t, u, x, scales.window, rng)

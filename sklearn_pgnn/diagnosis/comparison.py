@@ -20,14 +20,8 @@ from sklearn_pgnn.physics.effects.wiring import Wiring
 class Comparison:
     """Compare fitted hypotheses; a comparison does not depend on when it is made.
 
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter of the hypotheses.
-    criterion : SelectionCriterion
-        The rule by which a cause is named.
-    given : frozenset of Effect, default=frozenset()
-        Causes that the records show by themselves: any positive evidence for them is enough.
+    `given` are causes that the records show by themselves: any positive evidence for them is
+    enough.
     """
 
     def __init__(

@@ -68,22 +68,7 @@ class FormulaSelection:
 
     @staticmethod
     def on_other_records(search: Search, ground: FittedHypothesis, proposal: Proposal):
-        """Return a formula re-fitted on other records, or None where they do not name it.
-
-        Parameters
-        ----------
-        search : Search
-            The search, on these records.
-        ground : FittedHypothesis
-            The hypothesis to which the formula is added.
-        proposal : Proposal
-            The formula.
-
-        Returns
-        -------
-        Proposal or None
-            The formula.
-        """
+        """Return a formula re-fitted on other records, or None where they do not name it."""
         fitter = search.fitter
         fitter.progress.begin("formula")
         again = propose_again(fitter.problem, ground, proposal, fitter.progress.tick)

@@ -8,28 +8,10 @@ import pandas as pd
 def causes_frame(diagnosis) -> pd.DataFrame:
     """Return the named causes as a table, one row per parameter.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    DataFrame
-        Rank of the cause, its effect and target, a parameter with its value, 95 % interval and
-        unit, the reduction of the error by the cause [%], its probability and that of none of the
-        catalogue (NaN where it was not tested against the rest), and the candidates it is confused
-        with.
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> from sklearn_pgnn.diagnosis.result import NamedCause
-    >>> from sklearn_pgnn.simulation.uncertainty import Estimate
-    >>> cause = NamedCause("input_bias", "F", {"bias": Estimate(0.3, 0.2, 0.4, "N")}, 90.0, ())
-    >>> causes_frame(SimpleNamespace(causes_=(cause,)))[["effect", "parameter", "value", "unit"]]
-           effect parameter  value unit
-    0  input_bias      bias    0.3    N
+    A row has the rank of the cause, its effect and target, a parameter with its value, 95 %
+    interval and unit, the reduction of the error by the cause [%], its probability and that of none
+    of the catalogue (NaN where it was not tested against the rest), and the candidates it is
+    confused with.
     """
     rows = []
     for place, cause in enumerate(diagnosis.causes_, start=1):
@@ -62,16 +44,8 @@ def _sizes(cause) -> list[dict]:
 def parameters_frame(diagnosis) -> pd.DataFrame:
     """Return the re-tuned parameters of the prior as a table, one row each.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    DataFrame
-        By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
-        excludes the prior value.
+    By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
+    excludes the prior value.
 
     Examples
     --------
@@ -101,18 +75,10 @@ def parameters_frame(diagnosis) -> pd.DataFrame:
 def gain_frame(diagnosis) -> pd.DataFrame:
     """Return the error reduction by re-tuning and extending as a table, one row per output.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    DataFrame
-        By output: root mean square errors on held-out windows of the model as given, re-tuned,
-        extended, and with the formula where there is one, the noise, the share of the error power
-        that is explained with its 95 % interval, the errors of the same models in free run over
-        whole records, and the unit of the errors.
+    By output: root mean square errors on held-out windows of the model as given, re-tuned,
+    extended, and with the formula where there is one, the noise, the share of the error power that
+    is explained with its 95 % interval, the errors of the same models in free run over whole
+    records, and the unit of the errors.
 
     Examples
     --------

@@ -46,18 +46,8 @@ from sklearn_pgnn.trajectories.record import Record
 class Findings:
     """The findings of a diagnosis.
 
-    Parameters
-    ----------
-    search : Search
-        The search, with its fitter and its criterion.
-    result : SearchResult
-        The causes.
-    proposal : Proposal or None
-        The formula for what no cause explains.
-    structure : Structure or None
-        Whether what is left depends on anything recorded; None if that was not tested.
-    replaced : SearchResult or None, default=None
-        The causes that the formula replaced.
+    `structure` is whether what is left depends on anything recorded, None if that was not tested;
+    `replaced` are the causes that the formula replaced.
     """
 
     search: Search
@@ -97,22 +87,8 @@ class Findings:
 class Investigation:
     """Search for the causes of a model's error; the best so far is available at any time.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    records : tuple of Record
-        Measured trajectories, without gaps.
-    candidates : tuple of Effect
-        The causes to consider.
-    alpha, smallest_share : float
-        See `SelectionCriterion`.
-    max_causes : int
-        Largest number of causes named.
-    progress : Progress
-        The progress of the diagnosis.
-    options : mapping
-        Options of `build_problem`; the window length is selected unless it is given.
+    The records have no gaps. For `alpha` and `smallest_share` see `SelectionCriterion`; `options`
+    are those of `build_problem`, and the window length is selected unless it is given.
     """
 
     model: PhysicsModel

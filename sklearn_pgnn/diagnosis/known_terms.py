@@ -27,14 +27,6 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
 
     A name for several terms, whose coefficients must be in its proportion, comes before names for
     single ones, a parameter of the model before an effect, and a free one before a fixed one.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import systems
-    >>> cart = systems.cart_on_spring()
-    >>> for known in known_terms(cart, Formula("v", ("v*abs(v)", "v*x**2"), (1.0, 1.0))):
-    ...     print(known.terms, known.effect, known.target)
-    ('v*abs(v)',) quadratic_drag v
     """
     formula = _part_within(model, formula)
     terms = tuple(replace(formula, terms=(t,), coefficients=(1.0,)) for t in formula.terms)

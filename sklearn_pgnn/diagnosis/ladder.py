@@ -19,22 +19,9 @@ from sklearn_pgnn.physics.effect import Effect
 class Ladder:
     """Fit candidates added to a hypothesis; every rung fits fewer of them on more samples.
 
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fits hypotheses.
-    criterion : SelectionCriterion
-        The rule, which also limits how far behind the best a candidate may be.
-    candidates : tuple of Effect
-        The causes to consider.
-    same : dict
-        By candidate, the effects that are the same in the equations of the prior.
-
-    Attributes
-    ----------
-    alone : dict
-        Share of the re-tuned prior's squares that each candidate leaves as the only cause, as far
-        as known.
+    The criterion also limits how far behind the best a candidate may be. `same` has, by candidate,
+    the effects that are the same in the equations of the prior, and `alone` the share of the
+    re-tuned prior's squares that each candidate leaves as the only cause, as far as known.
     """
 
     def __init__(

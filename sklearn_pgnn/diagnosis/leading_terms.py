@@ -20,12 +20,6 @@ def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[n
     .. [1] S. Chen, S. A. Billings, W. Luo, "Orthogonal least squares methods and their application
        to non-linear system identification", International Journal of Control 50(5), 1989,
        :doi:`10.1080/00207178908953472`.
-
-    Examples
-    --------
-    >>> x = np.linspace(-1, 1, 50)
-    >>> leading_terms(np.column_stack([x, x**2, x**3]), 2 * x**3, 1)[0].round(3)
-    array([0., 0., 2.])
     """
     own = columns / np.linalg.norm(columns, axis=0)
     moved = np.empty_like(own)

@@ -13,15 +13,7 @@ from sklearn_pgnn.physics.effects import WrongParameter
 
 
 class Moves:
-    """Moves from a hypothesis; most yield the hypotheses that the criterion accepts, best first.
-
-    Parameters
-    ----------
-    compare : Comparison
-        Compares hypotheses.
-    ladder : Ladder
-        Fits candidates.
-    """
+    """Moves from a hypothesis; most yield the hypotheses that the criterion accepts, best first."""
 
     def __init__(self, compare: Comparison, ladder: Ladder):
         self.compare, self.ladder = compare, ladder

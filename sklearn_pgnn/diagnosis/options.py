@@ -7,15 +7,7 @@ from sklearn_pgnn.physics.model_parts import HOLDS
 
 
 def check_options(hold, alpha, smallest_share) -> None:
-    """Raise `OptionError` unless the rates lie between 0 and 1, and the hold is one of its choices.
-
-    Parameters
-    ----------
-    hold : {"auto", "zoh", "foh"}
-        How inputs run between samples.
-    alpha, smallest_share : float
-        False-alarm rate, and the smallest share of an error for which a cause is named.
-    """
+    """Raise `OptionError` unless the rates lie between 0 and 1, and the hold is a known one."""
     for name, value in (("alpha", alpha), ("smallest_share", smallest_share)):
         if not (isinstance(value, Real) and 0 < float(value) < 1):
             raise OptionError(f"{name}: expected a number between 0 and 1, got {value!r}.")

@@ -68,15 +68,6 @@ def other_places(prior: PhysicsModel, cause: Effect) -> tuple[str, ...]:
 
     There is none for a cause that changes the rates as a function of states and inputs, nor for one
     between an input and an output, as a branch of a cell is.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import effects, systems
-    >>> cart = systems.cart_on_spring()
-    >>> other_places(cart, effects.SensorCurvature("position"))
-    ('v',)
-    >>> other_places(cart, effects.CoulombFriction("v"))
-    ()
     """
     plant = {*prior.states, *prior.ports, *prior.inputs} if is_stand_in(prior, cause) else ()
     return tuple(name for name in places_of(prior) if name in plant)

@@ -31,26 +31,12 @@ Move = Callable[[FittedHypothesis], Iterator[FittedHypothesis]]
 class Search:
     """Search for the causes of a model's error; each step takes the first accepted move.
 
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fits hypotheses.
-    candidates : tuple of Effect
-        The causes to consider.
-    criterion : SelectionCriterion
-        The rule by which a cause is named.
-    max_causes : int
-        Largest number of causes named.
-    has_structure : callable
-        Returns whether the residuals of a hypothesis depend on anything that was recorded; where
-        no cause was found, costly moves are tried only then.
-    find_law : callable
-        Called with the search where a cause leaves something; returns whether a formula alone
-        leaves nothing, so that the search is over.
-    given : frozenset of Effect, default=frozenset()
-        Causes that the records show by themselves: any positive evidence for them is enough.
-    wiring : Rewired, optional
-        Signs, exchanges and units that the records show, each as good as the first.
+    `has_structure` returns whether the residuals of a hypothesis depend on anything that was
+    recorded; where no cause was found, costly moves are tried only then. `find_law` is called with
+    the search where a cause leaves something, and returns whether a formula alone leaves nothing,
+    so that the search is over. `given` are causes that the records show by themselves: any positive
+    evidence for them is enough. `wiring` has signs, exchanges and units that the records show, each
+    as good as the first.
     """
 
     def __init__(

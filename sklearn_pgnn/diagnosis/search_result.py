@@ -12,24 +12,12 @@ from sklearn_pgnn.physics.effect import Effect
 class SearchResult:
     """The result of a search.
 
-    Parameters
-    ----------
-    base : FittedHypothesis
-        The re-tuned prior.
-    steps : list of FittedHypothesis
-        The final hypothesis, cause by cause, the most important first.
-    rivals : dict
-        For every cause, the candidates that may replace it, and the evidence for the cause over
-        each.
-    evidence : dict
-        For every cause, the evidence for it beside the others; empty where time ran out.
-    outside : dict
-        For every cause, the probability that what acts in its place is none of the catalogue;
-        empty where time ran out.
-    alone : dict
-        The share of the re-tuned prior's squares that each candidate leaves as the only cause.
-    complete : bool, default=True
-        Whether the search ran to completion, so that every cause was tested against the rest.
+    `base` is the re-tuned prior, `steps` the final hypothesis, cause by cause, the most important
+    first. For every cause, `rivals` are the candidates that may replace it, and the evidence for
+    the cause over each, `evidence` is that for it beside the others, and `outside` the probability
+    that what acts in its place is none of the catalogue; the last two are empty where time ran out.
+    `alone` is the share of the re-tuned prior's squares that each candidate leaves as the only
+    cause. It is `complete` if every cause was tested against the rest.
     """
 
     base: FittedHypothesis

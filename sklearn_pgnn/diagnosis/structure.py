@@ -406,11 +406,6 @@ def is_positive(shares: np.ndarray, weights: np.ndarray, alpha: float) -> bool:
               \qquad k = \frac{(\sum_i w_i)^2}{\sum_i w_i^2}
 
     with :math:`k - 1` degrees of freedom: unequal groups count as :math:`k` equal ones.
-
-    Examples
-    --------
-    >>> is_positive(np.array([0.8, 0.9, 0.7, -9.0]), np.array([10.0, 10.0, 9.0, 0.01]), 0.01)
-    True
     """
     if shares.size < 2 or not weights @ shares > 0:
         return False

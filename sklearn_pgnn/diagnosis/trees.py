@@ -12,13 +12,7 @@ def boosted_trees() -> HistGradientBoostingRegressor:
 
 
 def groups_of(record: np.ndarray) -> np.ndarray:
-    """Assign samples to groups: records, or stretches of them where there are few records.
-
-    Examples
-    --------
-    >>> groups_of(np.repeat([0, 3], 8)).tolist()
-    [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7]
-    """
+    """Assign samples to groups: records, or stretches of them where there are few records."""
     _, record, sizes = np.unique(record, return_inverse=True, return_counts=True)
     stretches = -(-STRETCHES // sizes.size)
     place = np.arange(record.size) - np.searchsorted(record, record)

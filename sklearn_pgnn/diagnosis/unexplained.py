@@ -24,14 +24,7 @@ from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_wi
 class KnownTerms(NamedTuple):
     """Terms of a formula that have a name: together they act as one cause does.
 
-    Parameters
-    ----------
-    terms : tuple of str
-        The terms.
-    effect, target : str
-        The cause; for a parameter of the model ``"wrong_parameter"`` and its name.
-    is_parameter : bool, default=False
-        Whether it is a parameter of the model.
+    For a parameter of the model the effect is ``"wrong_parameter"`` and the target its name.
     """
 
     terms: tuple[str, ...]
@@ -122,14 +115,7 @@ class MissingPart:
 class Proposal:
     """A formula for what is missing at a channel, fitted on all windows.
 
-    Parameters
-    ----------
-    hidden : HiddenInput
-        The hidden input that it describes.
-    effect : Formula
-        The terms.
-    trial : FittedHypothesis
-        The hypothesis to which it is added, with its terms fitted.
+    The trial is the hypothesis to which the formula is added, with its terms fitted.
     """
 
     hidden: HiddenInput

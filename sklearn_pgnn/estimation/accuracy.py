@@ -19,14 +19,6 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     ----------
     .. [1] F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", Journal of Business and
        Economic Statistics 13(3), 1995, :doi:`10.1080/07350015.1995.10524599`.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(0).normal(size=(2, 1000, 1))
-    >>> one = np.ones(1)
-    >>> near, far = (Residuals(one, one, one, e, np.zeros(1000)) for e in (noise[0], 2 * noise[1]))
-    >>> accuracy_gained(far, near) > 10
-    True
     """
     if before.errors is None or after.errors is None or before.segment is None:
         raise ValueError("expected residuals with their errors, got squares only.")

@@ -75,12 +75,6 @@ def white_power(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
     over neighbours among the known samples of a window: an output may be measured less often than
     others.
-
-    Examples
-    --------
-    >>> rest = np.array([[1.0], [np.nan], [-1.0], [np.nan]])
-    >>> white_power(rest, np.array([0]))
-    array([2.])
     """
     return np.array([_white_power(column, starts) for column in residual.T])
 

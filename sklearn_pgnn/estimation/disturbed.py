@@ -63,18 +63,8 @@ def disturbed_likelihood(
 class HeldOutWindows:
     """Held-out windows under the parameters estimated from the others, linearised.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    freedoms : tuple of ParameterPrior
-        The free parameters.
-    held_out : HeldOut
-        The models fitted to the other windows, and the initial states fitted with them.
-    folds : ndarray of shape (n_windows,)
-        Fold of every window.
-    variance : ndarray of shape (n_outputs,)
-        Variance of the noise of the outputs.
+    `held_out` are the models fitted to the other windows, and the initial states fitted with them;
+    `folds` has shape (n_windows,), the `variance` of the noise (n_outputs,).
     """
 
     def __init__(

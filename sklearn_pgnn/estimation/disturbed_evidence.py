@@ -12,17 +12,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 
 
 class Judged(NamedTuple):
-    """A hypothesis and its held-out residuals.
-
-    Parameters
-    ----------
-    key : tuple of frozenset
-        Identity of the hypothesis.
-    trial : FittedHypothesis
-        The hypothesis, fitted on all windows.
-    held_out : HeldOut
-        Its residuals.
-    """
+    """A hypothesis and its held-out residuals."""
 
     key: Key
     trial: FittedHypothesis
@@ -32,12 +22,7 @@ class Judged(NamedTuple):
 class DisturbedEvidence:
     """Evidence between hypotheses with a disturbance; the likelihoods are cached.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    folds : ndarray of shape (n_windows,)
-        Fold of every window.
+    `folds` is the fold of every window.
     """
 
     def __init__(self, problem: EstimationProblem, folds: np.ndarray):

@@ -39,29 +39,6 @@ def are_equivalent(
     spring, a constant load is the same as a biased sensor. In a shifted or scaled
     coordinate :math:`x + \epsilon \xi(x)` the rates change by
     :math:`\epsilon (\xi_x f - f_x \xi)` and the outputs by :math:`-\epsilon g_x \xi`.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.effects import ConstantLoad, CoulombFriction, InputBias
-    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"})
-    >>> are_equivalent(cart, InputBias("F"), ConstantLoad("v"))
-    True
-    >>> are_equivalent(cart, InputBias("F"), CoulombFriction("v"))
-    False
-
-    With a single sensor and a single input, both delays are the same:
-
-    >>> from sklearn_pgnn.physics.effects import InputDelay, SensorDelay
-    >>> are_equivalent(cart, InputDelay("F"), SensorDelay("v"))
-    True
-
-    A gain of the input is the same as a mass and a damping that are both off:
-
-    >>> from sklearn_pgnn.physics.effects import WrongParameter
-    >>> driven = cart.replace(equations={"v": "(b*F - d*v)/m"},
-    ...                       parameters={"m": 2.0, "d": 0.5, "b": 1.0})
-    >>> are_equivalent(driven, WrongParameter("b"), WrongParameter("m"))
-    True
     """
     if _delay_the_same(model, one, other):
         return True

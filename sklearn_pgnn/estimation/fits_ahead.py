@@ -44,17 +44,7 @@ Task = Callable[..., Any]
 
 
 class Made(NamedTuple):
-    """A fit by another process.
-
-    Parameters
-    ----------
-    arguments : tuple
-        The arguments of the call.
-    result : object
-        The fit.
-    failures : FailureLog
-        Numerical failures during the fit.
-    """
+    """A fit by another process."""
 
     arguments: tuple
     result: Any
@@ -64,10 +54,7 @@ class Made(NamedTuple):
 class FitsAhead:
     """Let other processes compute fits that a search will request next.
 
-    Parameters
-    ----------
-    n_processes : int
-        Number of processes; with 1 no others are used.
+    With `n_processes` of 1 no others are used.
     """
 
     _have_started = False  # those of this process

@@ -15,12 +15,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 class Start(NamedTuple):
     """Expected initial states of windows, and their uncertainty.
 
-    Parameters
-    ----------
-    x0 : ndarray of shape (n_windows, n_states)
-        Expected initial states.
-    spread : ndarray of shape (n_states,)
-        Standard deviation of each.
+    `x0` has shape (n_windows, n_states), its standard deviation `spread` (n_states,).
     """
 
     x0: np.ndarray
@@ -33,15 +28,7 @@ class Start(NamedTuple):
 
 @dataclass(frozen=True)
 class FittedHypothesis:
-    """A hypothesis fitted on windows.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        The causes assumed to be missing.
-    fit : WindowFit
-        The extended model and its residuals.
-    """
+    """A hypothesis fitted on windows."""
 
     hypothesis: Hypothesis
     fit: WindowFit
@@ -64,16 +51,8 @@ class FittedHypothesis:
 class SubsampleFit(FittedHypothesis):
     """A hypothesis fitted on some of the samples, see `subsample_windows`.
 
-    Parameters
-    ----------
-    start : Start
-        Expected initial states.
-    converged : bool, default=False
-        Whether the fit has converged.
-    origin : WindowFit, optional
-        The fit on all windows of the same hypothesis.
-    stays_above : float, default=-inf
-        Limit below which no further fit of it fell.
+    `origin` is the fit on all windows of the same hypothesis, and `stays_above` a limit below which
+    no further fit of it fell.
     """
 
     start: Start

@@ -19,16 +19,8 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 class FittedWindows:
     """A model on the windows of a diagnosis.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model at its fitted values.
-    x0 : ndarray of shape (n_windows, n_states)
-        Fitted initial states of the windows.
-    residual : ndarray of shape (n_samples, n_outputs)
-        Measured minus simulated outputs [unit of the output].
-    freedoms : tuple of ParameterPrior
-        The free parameters of the fit.
+    Initial states `x0` have shape (n_windows, n_states); residuals, measured minus simulated in the
+    outputs' units, (n_samples, n_outputs).
     """
 
     model: PhysicsModel
@@ -41,23 +33,11 @@ class FittedWindows:
 class DiagnosisRecords:
     """The records of a diagnosis and the fits of the models to them.
 
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The records, end to end, and the windows on which the models were evaluated.
-    names : tuple of str
-        Names of the records.
-    states : ndarray of shape (n_samples, n_states)
-        The prior's states as estimated from the records.
-    starts : dict of str to ndarray of shape (n_records, n_states)
-        By model, its states at the start of every record in a free run.
-    fits : dict of str to FittedWindows
-        The ``"prior"``, the ``"refitted"`` prior, the ``"extended"`` model, and where there is a
-        formula the model with the causes and the ``"formula"``.
-    problem : EstimationProblem
-        The problem, for later evaluations.
-    causes : tuple of Effect
-        The causes of the extended model, in the order in which they apply.
+    `states` are the prior's as estimated from the records, of shape (n_samples, n_states), and
+    `starts`, by model, its states at the start of every record in a free run, (n_records,
+    n_states). `fits` has the ``"prior"``, the ``"refitted"`` prior, the ``"extended"`` model, and
+    where there is a formula the model with the causes and the ``"formula"``. The causes are in the
+    order in which they apply.
     """
 
     windows: ShootingWindows

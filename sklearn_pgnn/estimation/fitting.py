@@ -40,12 +40,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 class HypothesisFitter(WindowFitter):
     """Fits hypotheses, each once, and cheaply before it is fitted on all windows.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    progress : Progress, optional
-        Receives every step of a fit.
+    `progress` receives every step of a fit.
     """
 
     def __init__(self, problem: EstimationProblem, progress: Progress | None = None):

@@ -18,17 +18,8 @@ from sklearn_pgnn.simulation.window_fit import WindowFit, prior_precision
 class FoldFits:
     """Fits of a hypothesis on some of the windows, from its fit on all of them.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The fit on all windows.
-    start : Start
-        Expected initial states of all windows.
-    fit_model : callable
-        Takes a model, windows, free parameters, the expected initial states, their starting values,
-        and options of `fit_windows`; returns an unusable fit after a numerical failure.
+    `fit_model` takes a model, windows, free parameters, the expected initial states, their starting
+    values, and options of `fit_windows`; it returns an unusable fit after a numerical failure.
     """
 
     problem: EstimationProblem

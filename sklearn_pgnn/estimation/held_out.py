@@ -33,14 +33,8 @@ def make_folds(problem: EstimationProblem) -> np.ndarray:
 class CrossValidation:
     """The held-out residuals of a hypothesis, fold by fold.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their standard deviations.
+    `expected` initial states have shape (n_windows, n_states), their standard deviations `spread`
+    (n_states,).
     """
 
     problem: EstimationProblem

@@ -15,13 +15,9 @@ from sklearn_pgnn.physics.model import PhysicsModel
 class Hypothesis:
     """A set of missing effects with their targets, in the order they were found.
 
-    Parameters
-    ----------
-    causes : tuple of Effect
-        The causes; only the kind and target of each matter, not its size.
-    order : tuple of Effect, optional
-        The causes in the order in which they apply, which matters where, say, an input both
-        saturates and lags; by default as they were found.
+    Only the kind and target of each cause matter, not its size. `order` is that in which they
+    apply, which matters where, say, an input both saturates and lags; by default as they were
+    found.
     """
 
     causes: tuple[Effect, ...] = ()

@@ -16,13 +16,7 @@ Key = tuple[frozenset, frozenset]
 
 
 class HypothesisModels:
-    """The models of hypotheses about a prior.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    """
+    """The models of hypotheses about a prior."""
 
     def __init__(self, problem: EstimationProblem):
         self.problem = problem

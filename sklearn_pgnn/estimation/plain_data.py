@@ -8,43 +8,13 @@ from dataclasses import asdict
 def plain(value) -> dict:
     """Return a result as what JSON holds; a number that is not finite becomes None.
 
-    Parameters
-    ----------
-    value : dataclass or NamedTuple
-        The result.
-
-    Returns
-    -------
-    dict
-        Its fields.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.estimation.candidate import Candidate
-    >>> plain(Candidate("coulomb_friction", "v"))
-    {'effect': 'coulomb_friction', 'target': 'v'}
+    The result is a dataclass or a NamedTuple.
     """
     return finite(value._asdict() if hasattr(value, "_asdict") else asdict(value))
 
 
 def finite(value):
-    """Return plain data with None in the place of every number that is not finite.
-
-    Parameters
-    ----------
-    value : mapping, sequence, number or str
-        The data.
-
-    Returns
-    -------
-    dict, list, number, str or None
-        What JSON holds and gives back unchanged.
-
-    Examples
-    --------
-    >>> finite({"low": (1.0, float("nan"))})
-    {'low': [1.0, None]}
-    """
+    """Return plain data with None in the place of every number that is not finite."""
     if isinstance(value, Mapping):
         return {str(key): finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

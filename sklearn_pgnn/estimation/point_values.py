@@ -10,15 +10,7 @@ import sympy
 def values_at(
     expressions: Sequence[sympy.Expr], points: Mapping[sympy.Symbol, np.ndarray | float], count: int
 ) -> np.ndarray:
-    """Evaluate expressions at points.
-
-    Examples
-    --------
-    >>> x = sympy.Symbol("x", real=True)
-    >>> values_at([sympy.Max(x, 0), sympy.sqrt(x)], {x: np.array([-1.0, 4.0])}, 2)
-    array([[ 0.,  4.],
-           [nan,  2.]])
-    """
+    """Evaluate expressions at points."""
     known = {s: np.broadcast_to(np.asarray(v, dtype=float), (count,)) for s, v in points.items()}
     values = np.full((len(expressions), count), np.nan)
     for row, expression in zip(values, expressions, strict=True):

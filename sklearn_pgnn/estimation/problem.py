@@ -43,24 +43,8 @@ from sklearn_pgnn.trajectories.record import Record
 class EstimationProblem:
     """The records and the prior on which hypotheses are compared.
 
-    Parameters
-    ----------
-    prior : PhysicsModel
-        The model as given.
-    windows : ShootingWindows
-        The records cut into windows, with the noise of every output.
-    states : StateEstimator
-        Estimates the initial states.
-    scales : Scales
-        Magnitudes of the signals.
-    n_samples : int
-        Number of measured values in all windows.
-    period : float
-        Dominant period of the outputs [s].
-    n_processes : int, default=1
-        Processes that fit hypotheses side by side.
-    min_samples : int, default=20
-        Fewest measured samples of a window.
+    `n_samples` is the number of measured values in all windows, `period` the dominant one of the
+    outputs [s], and `min_samples` the fewest measured samples of a window.
     """
 
     prior: PhysicsModel
@@ -109,26 +93,7 @@ def build_problem(
 ) -> EstimationProblem:
     """Cut records into windows and estimate the quantities a diagnosis needs.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    records : tuple of Record
-        Measured trajectories.
-    n_processes : int, default=1
-        Processes that fit hypotheses side by side.
-    **options
-        See `sklearn_pgnn.simulation.record_windows.window_records`.
-
-    Returns
-    -------
-    EstimationProblem
-        The problem.
-
-    Raises
-    ------
-    OptionError
-        If the user's window length gives too few windows.
+    The options are those of `sklearn_pgnn.simulation.record_windows.window_records`.
     """
     ground = window_records(model, records, **options)
     windows = ground.windows
@@ -244,14 +209,8 @@ def _simulated(problem: EstimationProblem, **options) -> EstimationProblem:
 class Subsample:
     """Some of the samples of a problem, for a first fit.
 
-    Parameters
-    ----------
-    windows : ShootingWindows
-        Some windows, thinned where the record is sampled faster than the model needs.
-    which : ndarray of int
-        Indices of these windows in the problem.
-    factor : int
-        Every factor-th sample was kept.
+    `which` are the indices of its windows in the problem. Every `factor`-th sample was kept:
+    windows are thinned where the record is sampled faster than the model needs.
     """
 
     windows: ShootingWindows

@@ -22,27 +22,14 @@ class TimeIsUp(Exception):
 class Progress:
     """The progress of a diagnosis, to which all long computations report.
 
-    Parameters
-    ----------
-    report : callable, optional
-        Called as ``report(stage, done, total)``; a better hypothesis is reported as a
-        stage in between that begins with `BEST`.
-    time_limit : float, optional
-        Time [s] from now on.
-    kept_back : float, default=1
-        Part of the reserve that is kept back where the time counts.
+    `report` is called as ``report(stage, done, total)``; a better hypothesis is reported as a stage
+    in between that begins with `BEST`. The `time_limit` [s] counts from now on; `kept_back` is the
+    part of the reserve that is kept back where the time counts.
 
-    Attributes
-    ----------
-    stage : str
-        The current stage.
-    counts : bool
-        Whether the end of the time, less the reserve, is raised; else a fit ends with what it has
-        where all the time is up: a result there must be.
-    ended : str or None
-        Reason and stage of an early end; only the steps that the result needs follow it.
-    failed : Exception or None
-        The first error of a stage that was left out.
+    Where the time `counts`, its end, less the reserve, is raised; else a fit ends with what it has
+    where all the time is up: a result there must be. `ended` is the reason and stage of an early
+    end, after which only the steps that the result needs follow; `failed` is the first error of a
+    stage that was left out.
     """
 
     def __init__(

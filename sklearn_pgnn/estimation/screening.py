@@ -31,12 +31,8 @@ from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 class Screening:
     """The changes of the outputs by candidates, and the expected gain.
 
-    Parameters
-    ----------
-    windows_of : callable
-        Returns the windows on which a model is fitted.
-    tick : callable, optional
-        Called before every simulation.
+    `windows_of` returns the windows on which a model is fitted; `tick` is called before every
+    simulation.
     """
 
     windows_of: Callable[[PhysicsModel], ShootingWindows]

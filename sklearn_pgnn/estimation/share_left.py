@@ -7,13 +7,7 @@ from scipy.stats import t as student
 
 
 class ShareLeft(NamedTuple):
-    """A share of squares with its 95 % interval.
-
-    Parameters
-    ----------
-    left, low, high : float
-        The share, and the ends of its interval.
-    """
+    """A share of squares with its 95 % interval."""
 
     left: float
     low: float
@@ -29,12 +23,6 @@ def share_left(before: np.ndarray, after: np.ndarray) -> ShareLeft:
 
     The interval is that of Student's distribution on the logarithm, with the windows less one as
     its degrees of freedom.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> print(*(f"{end:.3f}" for end in share_left(np.ones(4), np.array([0.4, 0.6, 0.5, 0.5]))))
-    0.500 0.386 0.648
     """
     share = float(after.sum() / before.sum())
     if after.size < 2:

@@ -15,12 +15,8 @@ BREAKDOWNS = (np.linalg.LinAlgError, FloatingPointError, SimulationError)
 class Unusable(NamedTuple):
     """Something that could not be fitted.
 
-    Parameters
-    ----------
-    effect, target : str
-        The candidate: id of the effect and its target; or a part of the diagnosis.
-    reason : str
-        The error, and the other causes in the model.
+    It is a candidate, or a part of the diagnosis; the reason is the error, and the other causes in
+    the model.
     """
 
     effect: str

@@ -50,12 +50,7 @@ class WindowFitter:
     After a numerical failure the fit is `lost_fit`: that hypothesis cannot be used, and nothing
     else is affected.
 
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    progress : Progress, optional
-        Receives every step of a fit.
+    `progress` receives every step of a fit.
     """
 
     def __init__(self, problem: EstimationProblem, progress: Progress | None = None):

@@ -13,13 +13,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 def free_values(model: PhysicsModel) -> int:
-    """Return how many initial values are free in every window, for each output.
-
-    Examples
-    --------
-    >>> free_values(PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-x"}, outputs={"x": "x"}))
-    2
-    """
+    """Return how many initial values are free in every window, for each output."""
     return -(-len(model.states) // len(model.outputs))
 
 

@@ -16,24 +16,10 @@ def predict_records_ahead(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Predict states and outputs some samples ahead of the known outputs.
 
-    Parameters
-    ----------
-    runs : FreeRuns
-        How the fitted estimator simulates.
-    model : PhysicsModel
-        The model.
-    records : sequence of Record
-        The records, with outputs.
-    steps, noise
-        See `sklearn_pgnn.simulation.ahead.predict_ahead`.
-
-    Returns
-    -------
-    states : ndarray of shape (n_samples, n_states)
-        Finite numbers in the order of the table's rows, those of `FreeRuns.simulate` where a
-        prediction diverges. One `SimulationWarning` tells of all simulations that fail.
-    outputs : ndarray of shape (n_samples, n_outputs)
-        In the same order.
+    Return states and outputs of shapes (n_samples, n_states) and (n_samples, n_outputs), finite and
+    in the order of the table's rows: those of `FreeRuns.simulate` where a prediction diverges. One
+    `SimulationWarning` tells of all simulations that fail. For `steps` and `noise` see
+    `sklearn_pgnn.simulation.ahead.predict_ahead`.
     """
     machines = [model_machine(model, each, **runs.options(each)) for each in records]
     with one_simulation_warning() as failed:

@@ -4,17 +4,7 @@
 def apart_from(names, columns) -> list[str]:
     """Return names that no column has, so that none is mistaken for another quantity.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Proposed names, all different.
-    columns : sequence of str
-        The columns of the table.
-
-    Returns
-    -------
-    list of str
-        The proposals, with an underscore appended to those that a column has.
+    An underscore is appended to those that a column has.
 
     Examples
     --------

@@ -10,18 +10,7 @@ from sklearn_pgnn.user_line import warn_user
 
 @contextmanager
 def one_simulation_warning() -> Iterator[list[str]]:
-    """Issue the first `SimulationWarning` of a block at its end, with the number of the others.
-
-    Examples
-    --------
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always")
-    ...     with one_simulation_warning():
-    ...         for k in range(3):
-    ...             warnings.warn(f"sample {k} failed.", SimulationWarning)
-    >>> [str(each.message) for each in caught]
-    ['sample 0 failed. 2 more simulations failed in the same call.']
-    """
+    """Issue the first `SimulationWarning` of a block at its end, with the number of the others."""
     names: list[str] = []
     caught: list[warnings.WarningMessage] = []
     try:

@@ -47,16 +47,8 @@ SETTLED = 1e-3
 class ParameterFit:
     """A model fitted to records.
 
-    Parameters
-    ----------
-    fit : WindowFit
-        The fitted model and its residuals.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states of the windows.
-    spread : ndarray of shape (n_states,)
-        Their uncertainty.
-    windowed : WindowedRecords
-        The windows, in the steps of the fit.
+    `expected` initial states of the windows have shape (n_windows, n_states), their uncertainty
+    `spread` (n_states,); the windows are in the steps of the fit.
     """
 
     fit: WindowFit

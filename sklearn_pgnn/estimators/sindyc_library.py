@@ -29,32 +29,9 @@ def read_library(
 ) -> tuple[sympy.Expr, ...]:
     """Return the terms of a library.
 
-    Parameters
-    ----------
-    library : str, pysindy library or list of these
-        ``"polynomial"``, ``"fourier"`` (or ``"trigonometric"``), ``"model"``, an expression such
-        as ``"tanh(omega/0.02)"``, or an object of pysindy; a list combines them.
-    names : sequence of str
-        The states and inputs.
-    degree : int, default=2
-        Degree of ``"polynomial"``.
-    model : PhysicsModel, optional
-        The model whose terms ``"model"`` stands for.
-
-    Returns
-    -------
-    tuple of sympy.Expr
-        The terms, each once.
-
-    Raises
-    ------
-    ValueError
-        If an entry is no library, or a library of pysindy cannot be written as expressions.
-
-    Examples
-    --------
-    >>> read_library(["polynomial", "sin(x)"], ["x", "u"], degree=1)
-    (1, x, u, sin(x))
+    An entry is ``"polynomial"``, ``"fourier"`` (or ``"trigonometric"``), ``"model"`` for the terms
+    of the model, an expression such as ``"tanh(omega/0.02)"``, or an object of pysindy; a list
+    combines them. Each term is there once.
     """
     entries = library if isinstance(library, list | tuple) else [library]
     terms = [term for entry in entries for term in _read_entry(entry, names, degree, model)]
@@ -127,25 +104,8 @@ def _terms_of_pysindy(library, names) -> list[sympy.Expr]:
 def term_function(terms, names: Sequence[str]):
     """Return the function that evaluates terms at samples.
 
-    Parameters
-    ----------
-    terms : sequence of sympy.Expr
-        The terms.
-    names : sequence of str
-        The states and inputs.
-
-    Returns
-    -------
-    callable
-        Takes their values, of shape (n_samples, n_names), and the time [s] (0 by default), and
-        returns the terms' values, of shape (n_samples, n_terms), not finite where undefined.
-
-    Examples
-    --------
-    >>> values = term_function(read_library("polynomial", ["x"]), ["x"])
-    >>> values(np.array([[2.0], [3.0]]))
-    array([[1., 2., 4.],
-           [1., 3., 9.]])
+    It takes the values of the quantities, of shape (n_samples, n_names), and the time [s] (0 by
+    default), and returns the terms' values, (n_samples, n_terms), not finite where undefined.
     """
     quantities = ["t", *names]
     factors = [_factors(term, quantities) for term in terms]

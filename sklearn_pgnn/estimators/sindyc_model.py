@@ -22,21 +22,10 @@ def identified_model(
 ) -> PhysicsModel:
     """Return a model with identified equations.
 
-    Parameters
-    ----------
-    base : PhysicsModel
-        Gives names, units, inputs, outputs, delays and columns, and the rate of every position.
-    terms : sequence of sympy.Expr
-        The library.
-    coefficients : ndarray of shape (n_states, n_terms)
-        Coefficients of rates, or of a map if `T` is given; zero where a term is left out.
-    T : float, optional
-        Sample interval of a map [s].
-
-    Returns
-    -------
-    PhysicsModel
-        The model; its coefficients are parameters such as ``c_omega_sin_phi``.
+    `base` gives names, units, inputs, outputs, delays and columns, and the rate of every position.
+    The coefficients, of shape (n_states, n_terms), are of rates, or of a map if its sample interval
+    `T` [s] is given; zero where a term is left out. They are parameters such as
+    ``c_omega_sin_phi``.
 
     Examples
     --------
@@ -77,23 +66,9 @@ def identified_model(
 def complete(base: PhysicsModel, library, found, discrete: bool):
     """Add the known terms to the identified ones: a state's last value, a position's velocity.
 
-    Parameters
-    ----------
-    base : PhysicsModel
-        The model.
-    library : sequence of sympy.Expr
-        The library.
-    found : ndarray of shape (n_identified, n_terms)
-        Coefficients of steps of all states, or of the rates of all that are no positions.
-    discrete : bool
-        Whether they are steps.
-
-    Returns
-    -------
-    terms : list of sympy.Expr
-        The library and the terms that it lacked.
-    coefficients : ndarray of shape (n_states, n_terms)
-        Coefficients of the map or of rates.
+    `found`, of shape (n_identified, n_terms), are coefficients of steps of all states where
+    `discrete`, or of the rates of all that are no positions. Return the library and the terms that
+    it lacked, and coefficients of shape (n_states, n_terms).
     """
     known = {state: state for state in base.states} if discrete else velocities(base)
     terms = list(dict.fromkeys([*library, *map(symbol, known.values())]))
@@ -109,19 +84,7 @@ def complete(base: PhysicsModel, library, found, discrete: bool):
 def equation_texts(left, terms, coefficients) -> list[str]:
     """Write identified equations as text with four digits.
 
-    Parameters
-    ----------
-    left : sequence of str
-        Left sides.
-    terms : sequence of sympy.Expr
-        The library.
-    coefficients : ndarray of shape (n_equations, n_terms)
-        Coefficients.
-
-    Returns
-    -------
-    list of str
-        The equations.
+    `left` are the left sides; the coefficients have shape (n_equations, n_terms).
 
     Examples
     --------

@@ -24,30 +24,8 @@ def is_timed(X, model, time_column) -> bool:
 def blank_model(X, y, time_column) -> PhysicsModel:
     """Return a model of names alone, without equations: its states are the columns of y.
 
-    Parameters
-    ----------
-    X : DataFrame or ndarray of shape (n_samples, n_columns)
-        Time and inputs; in a DataFrame also the states.
-    y : DataFrame, Series or array-like of shape (n_samples, n_states) or (n_samples,)
-        The states.
-    time_column : int, str or None
-        Column of the time.
-
-    Returns
-    -------
-    PhysicsModel
-        A model whose states are constant.
-
-    Raises
-    ------
-    RecordError
-        If an input has gaps, as only states may.
-
-    Examples
-    --------
-    >>> X = pd.DataFrame({"t": [0.0, 0.1], "torque [N m]": 1.0})
-    >>> blank_model(X, pd.DataFrame({"phi": [0.0, 0.2]}), None).inputs
-    mappingproxy({'torque_N_m': ''})
+    They are constant. X has time and inputs, and in a DataFrame also the states; only states may
+    have gaps.
     """
     columns = list(X.columns) if is_named(X) else []
     states = target_names(y, columns=columns)
@@ -83,17 +61,8 @@ def target_names(y, letter: str = "x", columns=()) -> list[str]:
 def identifiers(called, columns=()) -> list[str]:
     """Turn column names into distinct names that are valid in an equation.
 
-    Parameters
-    ----------
-    called : sequence of str
-        Names of columns.
-    columns : sequence of str, default=()
-        All columns of the table; a changed name never equals one of them.
-
-    Returns
-    -------
-    list of str
-        Letters, digits and underscores, not beginning with a digit.
+    They consist of letters, digits and underscores, and do not begin with a digit; a changed name
+    never equals one of all `columns` of the table.
 
     Examples
     --------

@@ -41,21 +41,10 @@ EVEN_SHARE = 0.5
 class MeasuredStates:
     """The states of a machine at every sample of its records.
 
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The records.
-    x : ndarray of shape (n_samples, n_states)
-        States.
-    u : ndarray of shape (n_samples, n_inputs)
-        Inputs as they act.
-    period : float
-        Dominant period of the outputs [s].
-    is_shown : ndarray of bool, shape (n_records,)
-        Whether the outputs that show the states were measured in a record.
-    is_measured : ndarray of bool, shape (n_samples, n_states)
-        Whether the output that a state is taken from was measured at a sample; True where no output
-        shows it.
+    `u` are inputs as they act, `period` is the dominant one of the outputs [s]. `is_shown`, of
+    shape (n_records,), is whether the outputs that show the states were measured in a record;
+    `is_measured`, (n_samples, n_states), is whether the output that a state is taken from was
+    measured at a sample, and True where no output shows it.
     """
 
     windows: ShootingWindows
@@ -179,22 +168,8 @@ def step_rows(states: MeasuredStates, library, span: float | None, ends=None, ga
 def on_even_clock(records, T: float) -> tuple[Record, ...]:
     """Return records whose times are multiples of a sample interval.
 
-    Parameters
-    ----------
-    records : tuple of Record
-        The records.
-    T : float
-        The sample interval [s].
-
-    Returns
-    -------
-    tuple of Record
-        The same records; only the last digits of their times have changed.
-
-    Raises
-    ------
-    RecordError
-        If a record is sampled at other intervals.
+    Only the last digits of their times change. A record that is sampled at other intervals than `T`
+    [s] raises `RecordError`.
     """
     for record in records:
         uneven = np.flatnonzero(_is_other(np.diff(record.t), T))

@@ -22,28 +22,12 @@ STILL = 1e-9
 def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.ndarray:
     r"""Find the few terms that explain the targets.
 
-    Parameters
-    ----------
-    terms : ndarray of shape (n_rows, n_terms)
-        Values of the terms.
-    targets : ndarray of shape (n_rows, n_targets)
-        The targets to be explained.
-    optimizer : pysindy optimizer or linear regressor without intercept
-        It sees scaled terms and targets; it is cloned, not fitted itself.
-    squares_only : bool, default=False
-        Whether the optimizer depends on sums of squares alone. It then sees the triangle of a
-        QR decomposition, :math:`|R_\Psi \theta - R_y| = |\Psi\theta - y|` up to what no
-        :math:`\theta` changes, instead of as many rows as there are samples.
-
-    Returns
-    -------
-    ndarray of shape (n_targets, n_terms)
-        Coefficients in the units of terms and targets; zero for terms that are left out.
-
-    Raises
-    ------
-    ValueError
-        If the optimizer fits an intercept.
+    Terms and targets have shapes (n_rows, n_terms) and (n_rows, n_targets), the coefficients, in
+    their units, (n_targets, n_terms); zero for terms that are left out. The optimizer sees scaled
+    terms and targets; it is cloned, not fitted itself. `squares_only` is whether it depends on sums
+    of squares alone. It then sees the triangle of a QR decomposition, :math:`|R_\Psi \theta - R_y|
+    = |\Psi\theta - y|` up to what no :math:`\theta` changes, instead of as many rows as there are
+    samples.
     """
     size, spread = _sizes(terms), _spreads(targets)
     if squares_only:
@@ -71,24 +55,7 @@ def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms:
     It minimises :math:`\frac1n |y - \Psi\theta|^2 + \alpha |\theta|^2`, drops every coefficient
     below the threshold, repeats until none is left below it, and ends without the ridge.
 
-    Parameters
-    ----------
-    threshold : float
-        Smallest coefficient that is kept.
-    alpha : float
-        Ridge penalty per row.
-    n_rows, n_terms : int
-        Size of the regression.
-
-    Returns
-    -------
-    pysindy.STLSQ
-        The optimizer.
-
-    Raises
-    ------
-    ImportError
-        If pysindy is not installed.
+    The ridge penalty `alpha` is per row.
 
     References
     ----------

@@ -24,12 +24,8 @@ from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluat
 class Noise:
     """Noise of the outputs, in which a signal is to be detected.
 
-    Parameters
-    ----------
-    power : ndarray of shape (n_outputs,)
-        Its variance.
-    counts, times : ndarray of shape (n_outputs,)
-        Number of samples, and the autocorrelation time, see `Residuals`.
+    `power` is its variance, and for `counts` and `times` see `Residuals`; all have shape
+    (n_outputs,).
     """
 
     power: np.ndarray
@@ -40,21 +36,9 @@ class Noise:
     def of(cls, residual: np.ndarray, segment: np.ndarray, resolution, white: bool) -> "Noise":
         """Return the noise with the power and the autocorrelation times of residuals.
 
-        Parameters
-        ----------
-        residual : ndarray of shape (n_samples, n_outputs)
-            The noise; NaN where nothing was measured.
-        segment : ndarray of shape (n_samples,)
-            See `autocorrelation_times`.
-        resolution : ndarray of shape (n_outputs,)
-            Numerical resolution of the simulations.
-        white : bool
-            Whether to treat it as white.
-
-        Returns
-        -------
-        Noise
-            The noise.
+        Residuals, of shape (n_samples, n_outputs), are NaN where nothing was measured; for
+        `segment` see `autocorrelation_times`; `resolution` is the numerical one of the simulations,
+        and `white` whether to treat the noise as white.
         """
         counts = np.isfinite(residual).sum(axis=0).astype(float)
         power = np.nansum(residual**2, axis=0) / np.maximum(counts, 1.0) + resolution**2
@@ -87,15 +71,8 @@ class Noise:
     def likelihood_ratios(self, size, times, along, rng, count) -> np.ndarray:
         """Draw the noise on top of a signal, and compare the models without and with the signal.
 
-        Parameters
-        ----------
-        size, times, along, rng, count
-            See `draws`.
-
-        Returns
-        -------
-        ndarray of shape (count,)
-            `log_likelihood_ratio` of every draw.
+        Return `log_likelihood_ratio` of every draw, of shape (count,); for the arguments see
+        `draws`.
         """
         before, after = self._draw_squares(size, along, rng, count)
         counted = self.counts / (2.0 * np.maximum(self._times_with(size, times), self.times))
@@ -179,18 +156,8 @@ def strength_along(noise: np.ndarray, signal: np.ndarray, time: float) -> float:
 class PowerAnalysis:
     """The fitted model on the records, and the noise, to which effects are added.
 
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records and the fits.
-    white : bool
-        Whether to treat the noise as white.
-    criterion : SelectionCriterion
-        The rule by which a cause is named.
-    n_repeats : int
-        Number of noise draws for each power.
-    seed : int
-        Seed of the draws, the same for every size.
+    `white` is whether to treat the noise as white; it is drawn `n_repeats` times for each power,
+    with the same seed for every size.
     """
 
     records: DiagnosisRecords

@@ -169,19 +169,7 @@ def swap(
 ):
     """Fit the model with one cause in the place of another.
 
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records and the fits.
-    old, new : Effect
-        The cause to take out and the one to put in.
-    each_step : callable or None
-        See `fit_windows`.
-
-    Returns
-    -------
-    FittedWindows
-        The best fit over the starts of the new effect.
+    Return the best fit over the starts of the new effect; for `each_step` see `fit_windows`.
     """
     problem, prior = records.problem, records.problem.prior
     hypothesis = put_in_place(problem, records.causes, old, new)

@@ -17,21 +17,8 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 def inject(analysis: PowerAnalysis, effect: Effect | None, random_state=0):
     """Simulate the records of a diagnosis with an effect added to the machine.
 
-    Parameters
-    ----------
-    analysis : PowerAnalysis
-        The fitted model on the records.
-    effect : Effect or None
-        The added effect.
-    random_state : int, default=0
-        Draws the noise: like the residuals of the extended model, with random phases.
-
-    Returns
-    -------
-    X : DataFrame
-        Trajectory, time, inputs, and the initial states where they were known.
-    y : DataFrame
-        Outputs with noise.
+    Return X with trajectory, time, inputs, and the initial states where they were known, and y with
+    noise: like the residuals of the extended model, with random phases.
 
     References
     ----------

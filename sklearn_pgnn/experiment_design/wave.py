@@ -21,17 +21,8 @@ NAMES = {
 class Wave:
     """A wave with a largest magnitude of 1.
 
-    Parameters
-    ----------
-    kind : {"steps", "ramp", "pulse", "sine", "sweep"}
-        Shape of the wave.
-    low, high : float, default=0
-        Lowest and highest frequency [Hz] of a sine, or of a sweep.
-
-    Examples
-    --------
-    >>> str(Wave("sine", 4.0, 4.0)), Wave("pulse")([0.0, 1.0, 5.0], duration=10.0)
-    ('sine with a period of 0.25 s', array([0., 1., 0.]))
+    Its kind is ``"steps"``, ``"ramp"``, ``"pulse"``, ``"sine"`` or ``"sweep"``; `low` and `high`
+    are the lowest and highest frequency [Hz] of a sine, or of a sweep.
     """
 
     kind: str
@@ -45,17 +36,7 @@ class Wave:
     def __call__(self, t, duration: float) -> np.ndarray:
         """Return the wave over time.
 
-        Parameters
-        ----------
-        t : array-like of shape (n_samples,)
-            Time [s], from 0 to `duration`.
-        duration : float
-            Length of the experiment [s].
-
-        Returns
-        -------
-        ndarray of shape (n_samples,)
-            The wave.
+        Times [s] run from 0 to `duration`.
         """
         t = np.asarray(t, dtype=float)
         share = t / duration
@@ -72,13 +53,7 @@ class Wave:
 
 
 def waves(period: float, duration: float, sample_time: float) -> list[Wave]:
-    """Return the waves to try on a machine.
-
-    Examples
-    --------
-    >>> [str(wave) for wave in waves(1.0, 10.0, 0.1)][:2]
-    ['steps with pauses', 'slow ramp up and down']
-    """
+    """Return the waves to try on a machine."""
     quickest = MIN_SAMPLES / 2 * sample_time  # the shortest period that is sampled well enough
     octaves = np.arange(2.0 * OCTAVES + 1) - OCTAVES
     periods = [p for p in (period * 2.0**octaves).tolist() if quickest <= p < duration / 2]

@@ -17,14 +17,8 @@ from sklearn_pgnn.simulation.source import write_source
 class Assignments:
     """Some results of a straight-line function, and the assignments that they depend on.
 
-    Parameters
-    ----------
-    places : dict of str to (str, int)
-        Position of each local name in the arguments, ``("x", 0)`` for the first state.
-    shared : dict of str to ast.expr
-        Expressions that occur in several others, in order.
-    results : tuple of ast.expr
-        The requested expressions.
+    `places` has the position of each local name in the arguments, ``("x", 0)`` for the first state;
+    `shared` has expressions that occur in several others, in order.
     """
 
     places: dict[str, tuple[str, int]]

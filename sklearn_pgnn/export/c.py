@@ -98,18 +98,7 @@ def to_c(
 
 
 def is_network(model) -> bool:
-    """Return whether something is a network of the package, without importing torch.
-
-    Parameters
-    ----------
-    model : object
-        Object to test.
-
-    Returns
-    -------
-    bool
-        Whether it is a network.
-    """
+    """Return whether something is a network of the package, without importing torch."""
     room = sys.modules.get("sklearn_pgnn.estimators.pgnnl")
     return room is not None and isinstance(model, room.PGNNLRegressor)
 

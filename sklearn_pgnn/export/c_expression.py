@@ -22,16 +22,9 @@ PI, E = "3.141592653589793", "2.718281828459045"
 class CPrinter:
     """Write expressions in C, and collect the helpers that they call.
 
-    Parameters
-    ----------
-    single : bool
-        Whether numbers are ``float`` instead of ``double``.
-    prefix : str
-        Beginning of the helpers' names.
-    powers : set of int
-        Integer exponents met so far; each needs a helper ``power_n``.
-    extremes : set of str
-        Helpers met so far, among ``smaller`` and ``larger``.
+    Numbers are ``float`` instead of ``double`` if `single`; `prefix` is the beginning of the
+    helpers' names. `powers` are integer exponents met so far, each of which needs a helper
+    ``power_n``, and `extremes` the helpers met so far, among ``smaller`` and ``larger``.
     """
 
     single: bool = False

@@ -33,24 +33,9 @@ ROUNDING = {"double": (AT_REST, ROUNDED), "single": (1e-6, 1e-5)}
 class Machine:
     """A model with its export options, and the variables of the template.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    interval : float
-        Sample interval [s].
-    precision : {"double", "single"}
-        Precision of all numbers.
-    parameters : {"constants", "struct"}
-        Whether the parameters are written into the equations, or kept in a struct.
-    name : str
-        Prefix of all names.
-    method : {"rk4", "euler"}
-        Runge-Kutta scheme.
-    substeps : int
-        Integration steps per sample interval.
-    hold : {"zoh", "foh"}
-        Whether the inputs are held or linearly interpolated between samples.
+    The interval is in seconds; `parameters` are written into the equations as ``"constants"``, or
+    kept in a ``"struct"``; `name` is the prefix of all names. By `hold`, the inputs are held
+    (``"zoh"``) or linearly interpolated between samples (``"foh"``).
     """
 
     def __init__(self, model, interval, precision, parameters, name, method, substeps, hold):
@@ -230,22 +215,7 @@ class Machine:
 def machine_of(model, interval, *, precision, parameters, name, method, substeps, hold) -> Machine:
     """Return a model with its options checked.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    interval, precision, parameters, name, method, substeps, hold
-        As in `to_c`.
-
-    Returns
-    -------
-    Machine
-        The machine to be written.
-
-    Raises
-    ------
-    OptionError
-        If an option has an invalid value.
+    The options are those of `to_c`.
     """
     check_sample_interval(
         interval,
@@ -285,17 +255,7 @@ def render(template: str, content: Mapping[str, Any]) -> str:
 def comment(text: str, *, lines: bool = False):
     """Return a text that is safe in a C comment, on one line or several.
 
-    Parameters
-    ----------
-    text : str
-        Any text, such as a name or a unit.
-    lines : bool, default=False
-        Whether its lines are kept.
-
-    Returns
-    -------
-    str or list of str
-        The text, or its lines.
+    With `lines` its lines are kept, as a list.
 
     Examples
     --------

@@ -29,28 +29,7 @@ _ACTIVATIONS = {
 def network_content(network, interval, *, precision: str, name: str | None) -> dict[str, Any]:
     """Return the variables of the network's template.
 
-    Parameters
-    ----------
-    network : PGNNLRegressor
-        The trained network.
-    interval : float or None
-        Sample interval [s]; None for that of the training data.
-    precision : {"double", "single"}
-        Precision of all numbers.
-    name : str or None
-        Prefix of all names.
-
-    Returns
-    -------
-    dict of str to object
-        The variables by name.
-
-    Raises
-    ------
-    ModelError
-        If the network does not run in feedback, or its core cannot be written in C.
-    OptionError
-        If an option has an invalid value.
+    An interval [s] of None is that of the training data; `name` is the prefix of all names.
     """
     step = exportable_step(network, "to_c")
     refuse_other_interval(network, interval)
@@ -86,18 +65,7 @@ def network_content(network, interval, *, precision: str, name: str | None) -> d
 def refuse_other_interval(network, interval) -> None:
     """Refuse a sample interval at which a network does not hold.
 
-    Parameters
-    ----------
-    network : PGNNLRegressor
-        The trained network.
-    interval : float or None
-        Sample interval [s]; None for that of the training data.
-
-    Raises
-    ------
-    OptionError
-        If it is another one than that of the training, and the network is a map from one sample to
-        the next.
+    A map from one sample to the next holds at that of its training only; None stands for that.
     """
     if interval is None:
         return
@@ -116,22 +84,8 @@ def refuse_other_interval(network, interval) -> None:
 def exportable_step(network, what: str) -> NetworkStep:
     """Return the elements of a trained network's step, including its core.
 
-    Parameters
-    ----------
-    network : PGNNLRegressor
-        The network.
-    what : str
-        The task that needs the step, for the error message.
-
-    Returns
-    -------
-    NetworkStep
-        The step.
-
-    Raises
-    ------
-    ModelError
-        If the network is not trained on trajectories, is dissipative, or has a user-defined core.
+    The network must be trained on trajectories, and neither be dissipative nor have a user-defined
+    core; `what` is the task that needs the step, for the error message.
     """
     if getattr(network, "model_", None) is None or not hasattr(network, "step_"):
         raise ModelError(
@@ -201,17 +155,7 @@ def _numbers(machine: Machine, network, step: NetworkStep) -> dict[str, Any]:
 def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
     """Return the weights of a feed-forward network, layer by layer.
 
-    Parameters
-    ----------
-    step : NetworkStep
-        Elements of a step.
-    core : FeedForward
-        The network.
-
-    Returns
-    -------
-    list of dict
-        ``weights`` and ``bias`` of every layer.
+    A layer has ``weights`` and ``bias``.
     """
     found, place, theta = [], 0, weights_of(core)
     for n_in, n_out in pairwise(step.sizes):
@@ -225,17 +169,7 @@ def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
 def unit_of(step: NetworkStep, core) -> dict[str, np.ndarray]:
     """Return the weights of a recurrent network by name.
 
-    Parameters
-    ----------
-    step : NetworkStep
-        Elements of a step.
-    core : Recurrent
-        The network.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``by_input``, ``by_hidden``, ``bias_input``, ``bias_hidden``, ``read`` and ``bias``.
+    They are ``by_input``, ``by_hidden``, ``bias_input``, ``bias_hidden``, ``read`` and ``bias``.
     """
     n_in, n, n_out = step.sizes
     shapes = {

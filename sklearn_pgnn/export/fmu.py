@@ -24,24 +24,9 @@ VERSIONS = {2: ("2.0", "linux64"), 3: ("3.0", "x86_64-linux")}
 class Variable:
     """A variable of a unit.
 
-    Parameters
-    ----------
-    reference : int
-        Value reference.
-    name : str
-        Name in the unit.
-    causality, variability : str
-        As defined by FMI.
-    where : str
-        Its place in the C source.
-    start : str or None
-        Its start value, if it has one of its own.
-    unit : str
-        Its unit.
-    room : str
-        Letter of its kind: ``p``, ``u``, ``y``, ``x``, ``r`` (a rate) or ``t``.
-    place : int
-        Its index among the variables of its kind.
+    Causality and variability are as defined by FMI; `where` is its place in the C source, `room`
+    the letter of its kind, ``p``, ``u``, ``y``, ``x``, ``r`` (a rate) or ``t``, and `place` its
+    index among the variables of its kind.
     """
 
     reference: int

@@ -18,16 +18,8 @@ from sklearn_pgnn.physics.model import PhysicsModel
 class LateInput:
     """An input that acts with a delay.
 
-    Parameters
-    ----------
-    name : str
-        The input.
-    place : int
-        Its index among the inputs.
-    samples : int
-        Whole samples :math:`n` of its delay.
-    share : float
-        Remainder :math:`w` of its delay, as a fraction of the sample interval.
+    `place` is its index among the inputs. The delay has :math:`n` whole `samples`, and a remainder
+    :math:`w`, its `share` of the sample interval.
     """
 
     name: str
@@ -69,21 +61,7 @@ def past_names(late: list[LateInput]) -> list[str]:
 def acting_inputs(late: list[LateInput], past, u) -> tuple[list, list]:
     """Return the acting inputs, and the past samples of the delayed ones at the next sample.
 
-    Parameters
-    ----------
-    late : list of LateInput
-        The delayed inputs.
-    past : sequence of numbers or symbols
-        Their past samples, in the order of `past_names`.
-    u : sequence of numbers or symbols
-        The commanded inputs.
-
-    Returns
-    -------
-    acting : list
-        The inputs as they act.
-    past : list
-        The past samples, one sample later.
+    The past samples are in the order of `past_names`.
 
     Examples
     --------

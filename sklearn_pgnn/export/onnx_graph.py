@@ -16,10 +16,7 @@ _FUNCTIONS = {
 class Graph:
     """An ONNX graph: nodes, constants and the names of both.
 
-    Parameters
-    ----------
-    single : bool
-        Whether numbers are ``float`` instead of ``double``.
+    Numbers are ``float`` instead of ``double`` if `single`.
     """
 
     def __init__(self, single: bool):
@@ -30,40 +27,14 @@ class Graph:
     def add(self, operation: str, *parts, **attributes) -> "Value":
         """Add a node.
 
-        Parameters
-        ----------
-        operation : str
-            Its operation, by its ONNX name.
-        *parts : Value, number or ndarray
-            Its operands.
-        **attributes
-            Further settings of the operation.
-
-        Returns
-        -------
-        Value
-            Its result.
+        The operation has its ONNX name; `attributes` are its further settings.
         """
         return self.add_several(operation, parts, 1, **attributes)[0]
 
     def add_several(self, operation: str, parts, count: int, **attributes) -> list["Value"]:
         """Add a node with several results.
 
-        Parameters
-        ----------
-        operation : str
-            Its operation, by its ONNX name.
-        parts : sequence of Value, number or ndarray
-            Its operands.
-        count : int
-            How many results it has.
-        **attributes
-            Further settings of the operation.
-
-        Returns
-        -------
-        list of Value
-            The results.
+        See `add`; `count` is how many results it has.
         """
         from onnx import helper
 
@@ -82,15 +53,7 @@ class Graph:
     def constant(self, values) -> "Value":
         """Add an array of constants.
 
-        Parameters
-        ----------
-        values : array-like
-            Integers are kept; other numbers are converted to the precision of the graph.
-
-        Returns
-        -------
-        Value
-            The constant.
+        Integers are kept; other numbers are converted to the precision of the graph.
         """
         from onnx import numpy_helper
 
@@ -109,15 +72,7 @@ class Graph:
 
 
 class Value:
-    """A value of a graph, for use in formulas.
-
-    Parameters
-    ----------
-    graph : Graph
-        Graph of the value.
-    name : str
-        Name in the graph.
-    """
+    """A value of a graph, for use in formulas."""
 
     __array_ufunc__ = None  # NumPy leaves formulas with arrays to this class
 

@@ -29,17 +29,9 @@ _CONSTANTS = {"pi": 3.141592653589793, "e": 2.718281828459045}
 class SymbolicMachine:
     """A model over symbols that support Python's operators.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    function : callable
-        Returns the library's function by its name in C, and ``fmin``, ``fmax`` and ``if_else``.
-    free : mapping of str to symbol, default={}
-        Parameters that are symbols instead of numbers.
-    friction_width : float, optional
-        Speed over which the jump of dry friction is smoothed; without it there must be no dry
-        friction.
+    `function` returns the library's function by its name in C, and ``fmin``, ``fmax`` and
+    ``if_else``. Parameters that are `free` are symbols instead of numbers. `friction_width` is the
+    speed over which the jump of dry friction is smoothed; without it there must be no dry friction.
     """
 
     def __init__(
@@ -57,57 +49,22 @@ class SymbolicMachine:
     def rates(self, t, x: Sequence, u: Sequence) -> list:
         """Return the rates.
 
-        Parameters
-        ----------
-        t : number or symbol
-            Time [s].
-        x, u : sequence of numbers or symbols
-            States, and inputs as they act.
-
-        Returns
-        -------
-        list
-            One per state.
+        `u` are inputs as they act.
         """
         return self._evaluate(self._rates, t, x, u)
 
     def outputs(self, t, x: Sequence, u: Sequence) -> list:
         """Return the outputs.
 
-        Parameters
-        ----------
-        t : number or symbol
-            Time [s].
-        x, u : sequence of numbers or symbols
-            States, and inputs as they act.
-
-        Returns
-        -------
-        list
-            One per output.
+        `u` are inputs as they act.
         """
         return self._evaluate(self._outputs, t, x, u)
 
     def next_sample(self, t, interval: float, substeps: int, x, u, u_next) -> list:
         """Return the states one sample later, by Runge-Kutta steps of order four.
 
-        Parameters
-        ----------
-        t : number or symbol
-            Time [s].
-        interval : float
-            Time to the next sample [s].
-        substeps : int
-            Integration steps until then.
-        x : sequence of numbers or symbols
-            States.
-        u, u_next : sequence of numbers or symbols
-            Inputs as they act, at the beginning and at the end of a linear interpolation.
-
-        Returns
-        -------
-        list
-            The states.
+        The interval is in seconds; `u` and `u_next` are inputs as they act, at the beginning and at
+        the end of a linear interpolation.
         """
         h = interval / substeps
         for k in range(substeps):

@@ -41,22 +41,7 @@ def content_key(*parts: str | bytes) -> str:
 def setting_key(model, options: Mapping) -> str:
     """Return the hash of what all machines share: model, options and the package's version.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    options : mapping
-        Options of `ModelDiagnosis`, by name.
-
-    Returns
-    -------
-    str
-        Hexadecimal digits.
-
-    Raises
-    ------
-    OptionError
-        If an option consists of neither numbers nor texts, so that it cannot be identified.
+    An option of `ModelDiagnosis` must consist of numbers or texts, to be identified.
     """
     said = {name: value for name, value in options.items() if name not in HOW}
     catalogue = said.pop("catalogue", None)
@@ -70,20 +55,7 @@ def setting_key(model, options: Mapping) -> str:
 def records_key(X, y) -> str:
     """Return the hash of a table of inputs and one of outputs.
 
-    Parameters
-    ----------
-    X, y : DataFrame or array-like
-        As `ModelDiagnosis.fit` takes them.
-
-    Returns
-    -------
-    str
-        Hexadecimal digits.
-
-    Examples
-    --------
-    >>> records_key([[0.0, 1.0]], [2.0]) == records_key(np.array([[0.0, 1.0]]), [2.0])
-    True
+    They are as `ModelDiagnosis.fit` takes them.
     """
     return content_key(*_table_bytes(X), *_table_bytes(y))
 

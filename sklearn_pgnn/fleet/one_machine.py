@@ -20,22 +20,10 @@ from sklearn_pgnn.trajectories.files import read_files
 class Outcome:
     """The outcome of one machine, as returned by a worker.
 
-    Parameters
-    ----------
-    name : str
-        The machine.
-    found : dict or None
-        The result of `ModelDiagnosis.to_dict`; None where there is none.
-    failed : str, default=""
-        Why there is no diagnosis.
-    is_final : bool, default=True
-        Whether the same records would give the same outcome again; false after a bug.
-    seconds : float, default=0
-        Processor time [s].
-    warned : tuple of str, default=()
-        Warnings about the records.
-    extended_model, page : str, default=""
-        The extended model as a model file, and the report as HTML.
+    `found` is the result of `ModelDiagnosis.to_dict`; where there is none, `failed` says why. It
+    `is_final` if the same records would give the same outcome again, which they may not after a
+    bug. `seconds` are processor time; the extended model is a model file, and the page the report
+    as HTML.
     """
 
     name: str
@@ -52,16 +40,8 @@ class Outcome:
 class Job:
     """The task to run for every machine.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    options : mapping
-        Options of `ModelDiagnosis`, by name.
-    sample_time : float or None
-        Time from sample to sample [s] of files without a time.
-    with_page : bool
-        Whether a report is written.
+    The options are those of `ModelDiagnosis`, and the sample time [s] is that of files without a
+    time; `with_page` is whether a report is written.
     """
 
     model: PhysicsModel
@@ -72,17 +52,7 @@ class Job:
     def run(self, name: str, records) -> Outcome:
         """Diagnose a machine; an error ends this machine only.
 
-        Parameters
-        ----------
-        name : str
-            The machine.
-        records : tuple of (X, y), or list of str
-            Its records, or its files.
-
-        Returns
-        -------
-        Outcome
-            What was found.
+        The records are a tuple of (X, y), or a list of files.
         """
         end_with_parent()
         began = time.process_time()

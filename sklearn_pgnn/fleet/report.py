@@ -34,17 +34,8 @@ HEADERS = ("Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the 
 def render_fleet(fleet, folder: Path) -> str:
     """Return the report of a fleet as HTML.
 
-    Parameters
-    ----------
-    fleet : FleetDiagnosis
-        The fitted fleet.
-    folder : Path
-        Where the report will be written; existing reports of machines there are linked.
-
-    Returns
-    -------
-    str
-        The HTML text, which loads nothing else.
+    It loads nothing else. The folder is where it will be written; existing reports of machines
+    there are linked.
     """
     machines = list(fleet.machines_.values())
     style = style_sheet() + _source("fleet.css")

@@ -135,13 +135,7 @@ def _between(values: np.ndarray, errors: np.ndarray, rate: float) -> tuple[float
 
 
 def standard_error(low: float | None, high: float | None) -> float:
-    """Return the standard error of a 95 % interval; infinite where one of its ends is open.
-
-    Examples
-    --------
-    >>> round(standard_error(-1.96, 1.96), 3)
-    1.0
-    """
+    """Return the standard error of a 95 % interval; infinite where one of its ends is open."""
     return math.inf if low is None or high is None else (high - low) / 2 / WIDTH
 
 
@@ -150,11 +144,6 @@ def first_ones(chances: Sequence[float] | np.ndarray, rate: float) -> np.ndarray
 
     At most the share `rate` of the selected ones is expected to be due to chance alone: of the
     sorted values, the largest :math:`k` with :math:`p_{(k)} \le k\,\text{rate}/n` and all below it.
-
-    Examples
-    --------
-    >>> first_ones([0.5, 0.001, 0.04, 0.9], 0.05).tolist()
-    [False, True, False, False]
     """
     chances = np.asarray(chances, dtype=float)
     known = np.sort(chances[np.isfinite(chances)])

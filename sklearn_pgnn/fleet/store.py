@@ -18,18 +18,7 @@ MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "e
 
 
 class Store:
-    """The folder of a fleet.
-
-    Parameters
-    ----------
-    folder : path-like
-        Where it is.
-
-    Examples
-    --------
-    >>> Store("fleet").place("pump 7/2").as_posix()
-    'fleet/machines/pump 7%2F2'
-    """
+    """The folder of a fleet."""
 
     def __init__(self, folder):
         self.folder = Path(folder)

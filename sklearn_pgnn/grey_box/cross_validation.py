@@ -17,15 +17,9 @@ from sklearn_pgnn.trajectories.measured import of_measured, where_measured
 class FoldResult:
     """A depth fitted without the hidden samples of a fold, and its errors on them.
 
-    Parameters
-    ----------
-    fitted : FittedDepth
-        The depth.
-    errors : list of float
-        Root mean square error in free run of every trajectory with hidden samples, in standard
-        deviations of the outputs.
-    left : ndarray of shape (n_hidden, n_outputs)
-        Magnitude of the errors sample by sample, NaN where nothing was measured.
+    The errors are root mean squares in free run of every trajectory with hidden samples, in
+    standard deviations of the outputs; `left` are their magnitudes sample by sample, of shape
+    (n_hidden, n_outputs), NaN where nothing was measured.
     """
 
     fitted: FittedDepth

@@ -15,23 +15,7 @@ def diagnosis_or_default(diagnosis, model: PhysicsModel) -> ModelDiagnosis:
 
 
 def network_or_default(network):
-    """Return a network, by default a `PGNNLRegressor`.
-
-    Parameters
-    ----------
-    network : estimator or None
-        The network that the user gives.
-
-    Returns
-    -------
-    estimator
-        The network.
-
-    Raises
-    ------
-    ImportError
-        If none is given, and the extra of the default one is not installed.
-    """
+    """Return a network, by default a `PGNNLRegressor`."""
     if network is not None:
         return network
     with needed_by("the depths 'state_network' and 'network'"):
@@ -42,19 +26,7 @@ def network_or_default(network):
 def network_as_trained(network, model: PhysicsModel, depths):
     """Return the network with the prior as its model; None if no depth trains one.
 
-    Parameters
-    ----------
-    network : estimator or None
-        The network that the user gives.
-    model : PhysicsModel
-        The prior.
-    depths : sequence of str or None
-        Depths to choose from; None for all.
-
-    Returns
-    -------
-    estimator or None
-        A copy of the network.
+    It is a copy; None in the place of the depths stands for all.
     """
     if depths is not None and not set(NETWORKS) & set(depths):
         return None

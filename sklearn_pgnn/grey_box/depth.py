@@ -27,14 +27,9 @@ ENOUGH = 2000
 class FittedDepth:
     """A fitted depth.
 
-    Parameters
-    ----------
-    estimator : estimator
-        The estimator that predicts.
-    physics : PhysicsModelRegressor
-        The fitted physical model in it.
-    starts : ndarray of shape (n_trajectories, n_states)
-        Initial states of the model, NaN for trajectories of which the fit saw nothing.
+    `physics` is the fitted physical model in the estimator that predicts; `starts`, of shape
+    (n_trajectories, n_states), are initial states of the model, NaN for trajectories of which the
+    fit saw nothing.
     """
 
     estimator: Any
@@ -87,23 +82,8 @@ def fit_physics(
 ) -> FittedDepth:
     """Fit a model to the visible samples, in free run over whole trajectories.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model; its values are the start.
-    table : PlainTable
-        The records.
-    visible : ndarray of bool, shape (n_samples,)
-        Samples that the fit may see; inputs are always seen.
-    n_jobs : int, optional
-        Threads to simulate on.
-    free : sequence of str, optional
-        Parameters to fit; by default all that are not fixed.
-
-    Returns
-    -------
-    FittedDepth
-        The fitted model, and the initial state of every trajectory that it has seen.
+    The values of the model are the start. `visible` is a mask of shape (n_samples,); inputs are
+    always seen. By default all parameters are `free` that are not fixed.
     """
     regressor = PhysicsModelRegressor(
         model, free=free, search="local", window_length="trajectory", n_jobs=n_jobs
@@ -127,23 +107,8 @@ def fit_network(
     Samples after a trajectory's last visible measurement are left out: they carry no information,
     and a network that holds out the end of its records for early stopping would find nothing there.
 
-    Parameters
-    ----------
-    network : estimator
-        The network; it, or an estimator in it, has a parameter ``model``.
-    physics : FittedDepth
-        The underlying model, fitted to the same samples.
-    table : PlainTable
-        The records.
-    visible : ndarray of bool, shape (n_samples,)
-        Samples that the fit may see.
-    sees_inputs : bool, default=True
-        Whether the network sees the inputs besides the states.
-
-    Returns
-    -------
-    FittedDepth
-        The trained network.
+    The network, or an estimator in it, has a parameter ``model``; `physics` is fitted to the same
+    samples, those `visible` in a mask of shape (n_samples,).
     """
     rows = _until_last_seen(table, visible)
     y = np.where(visible[:, None], table.y, np.nan)[rows]

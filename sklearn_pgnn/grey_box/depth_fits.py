@@ -31,27 +31,8 @@ def fit_chosen(
 ) -> tuple[str, FittedDepth]:
     """Fit a depth to all samples; where the network's training fails, the one below it.
 
-    Parameters
-    ----------
-    depth : str
-        The depth.
-    base : str
-        The physical depth on which networks are trained.
-    candidates : dict of str to PhysicsModel
-        The models of the physical depths.
-    network : estimator or None
-        The network that the user gives.
-    table : PlainTable
-        The records.
-    n_jobs : int, optional
-        Threads to simulate on.
-
-    Returns
-    -------
-    depth : str
-        The depth that was fitted.
-    fitted : FittedDepth
-        Its fit.
+    `base` is the physical depth on which networks are trained, and `candidates` are the models of
+    the physical depths. Return the depth that was fitted, and its fit.
     """
     everything = np.ones(len(table.X), dtype=bool)
     physical = base if depth in NETWORKS else depth

@@ -23,22 +23,8 @@ Show = Callable[..., None]
 def prepare_diagnosis(diagnosis, model: PhysicsModel, time: TimeLimit, *, judges_new_records: bool):
     """Return the diagnosis to be made of the prior.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis or None
-        The settings that the user gives.
-    model : PhysicsModel
-        The prior.
-    time : TimeLimit
-        The time limit of the recipe.
-    judges_new_records : bool
-        Whether folds hide whole trajectories; if not, the default settings leave out functions of
-        the time.
-
-    Returns
-    -------
-    ModelDiagnosis
-        A copy, not fitted.
+    It is a copy, not fitted. `judges_new_records` is whether folds hide whole trajectories; if not,
+    the default settings leave out functions of the time.
     """
     own: dict[str, Any] = {"model": model, "time_column": None, "n_jobs": None}
     if diagnosis is None and not judges_new_records:

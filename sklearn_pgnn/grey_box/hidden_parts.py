@@ -11,36 +11,10 @@ WAYS = ("auto", "trajectory", "time", "range")
 def hidden_parts(records, n_splits: int, by: str = "auto") -> list[np.ndarray]:
     """Return for every fold which samples are hidden from its fit.
 
-    Parameters
-    ----------
-    records : tuple of Record
-        Measured trajectories, concatenated.
-    n_splits : int
-        Number of folds.
-    by : {"auto", "trajectory", "time", "range"}, default="auto"
-        Whether to hide whole trajectories; or in each fold another block of time of every
-        trajectory, never the first of its ``n_splits + 1`` blocks, so that its start stays known;
-        or another range of operation, see `operating_ranges`. ``"auto"`` hides trajectories if
-        there are at least ``n_splits``, else blocks of time in ``n_splits`` folds and ranges in as
-        many more.
-
-    Returns
-    -------
-    list of ndarray of bool, shape (n_samples,)
-        One mask per fold.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer trajectories than folds, or fewer samples than blocks or ranges.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories.record import Record
-    >>> t = np.arange(6.0)
-    >>> record = Record(t, t[:, None], t[:, None], np.zeros(1), "ramp", np.arange(6))
-    >>> [mask.astype(int).tolist() for mask in hidden_parts((record,), 2, by="time")]
-    [[0, 0, 1, 1, 0, 0], [0, 0, 0, 0, 1, 1]]
+    `by` says whether to hide whole trajectories; or in each fold another block of time of every
+    trajectory, never the first of its ``n_splits + 1`` blocks, so that its start stays known; or
+    another range of operation, see `operating_ranges`. ``"auto"`` hides trajectories if there are
+    at least ``n_splits``, else blocks of time in ``n_splits`` folds and ranges in as many more.
     """
     lengths = [record.t.size for record in records]
     too_few = by == "auto" and len(lengths) < n_splits

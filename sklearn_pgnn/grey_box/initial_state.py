@@ -29,15 +29,6 @@ def find_initial_state(
     with the training error :math:`s_o` of the prediction, and the mean and standard deviation of
     the states reached in training. Some of these states are tried, and the best are refined to
     their minima.
-
-    Examples
-    --------
-    >>> decay = np.exp(-np.arange(5) / 20)[None, :, None]
-    >>> start = find_initial_state(
-    ...     lambda starts: starts[:, None] * decay, np.array([np.nan]), 3.0 * decay[0],
-    ...     met=np.linspace(0, 4, 9)[:, None], noise=np.array([1e-3]))
-    >>> start.round(3).tolist()
-    [3.0]
     """
     if np.isfinite(told).all():
         return told
@@ -56,12 +47,8 @@ def find_initial_state(
 class _Beginning:
     """Residuals at a trajectory's start by its unknown states, scaled deviations from their mean.
 
-    Parameters
-    ----------
-    run, told, y, noise
-        See `find_initial_state`.
-    centre, spread : ndarray of shape (n_states,)
-        Mean and standard deviation of the states reached in training.
+    `centre` and `spread`, of shape (n_states,), are the mean and standard deviation of the states
+    reached in training; for the other arguments see `find_initial_state`.
     """
 
     run: Callable[[np.ndarray], np.ndarray]

@@ -24,14 +24,8 @@ from sklearn_pgnn.physics.model import PhysicsModel
 class JudgedDepths:
     """The results of every depth that could be fitted.
 
-    Parameters
-    ----------
-    results : dict of str to list of FoldResult
-        Fold by fold, from the shallowest depth to the deepest.
-    base : str
-        The best physical depth, on which networks were trained.
-    skipped : tuple of str
-        Depths for which the time was up.
+    Results are fold by fold, and from the shallowest depth to the deepest. `base` is the best
+    physical depth, on which networks were trained; `skipped` are depths for which the time was up.
     """
 
     results: dict[str, list[FoldResult]]
@@ -57,24 +51,11 @@ class JudgedDepths:
 class DepthJudge:
     """Cross-validates depths on the same folds.
 
-    Parameters
-    ----------
-    table : PlainTable
-        The records.
-    folds : list of ndarray of bool, shape (n_samples,)
-        Hidden samples of every fold.
-    window : int
-        Number of first samples of a hidden trajectory from which its initial state is estimated.
-    n_jobs : int or None
-        Number of folds that are fitted in parallel.
-    memory : joblib.Memory
-        Where the results of physical depths are kept.
-    print_line : callable
-        Receives a line of text for every depth.
-    show : callable
-        Called as ``show(stage, done, total)`` with the folds of a depth.
-    time : TimeLimit
-        Once there is a result, no fold is begun after it.
+    A fold is a mask of the hidden samples, and `n_jobs` of them are fitted in parallel. `window` is
+    the number of first samples of a hidden trajectory from which its initial state is estimated.
+    `memory` keeps the results of physical depths, `print_line` receives a line of text for every
+    depth, and ``show(stage, done, total)`` is called with the folds of a depth. Once there is a
+    result, no fold is begun after the time.
     """
 
     table: PlainTable
@@ -91,19 +72,7 @@ class DepthJudge:
     ) -> JudgedDepths:
         """Fit every depth in every fold; the networks on the best physical depth.
 
-        Parameters
-        ----------
-        candidates : dict of str to PhysicsModel
-            The models of the physical depths.
-        depths : tuple of str
-            The depths to choose from.
-        network : estimator or None
-            The network that the user gives.
-
-        Returns
-        -------
-        JudgedDepths
-            The results; a network whose training fails in a fold is left out.
+        A network whose training fails in a fold is left out.
         """
         tried = {depth: self._physical(depth, model) for depth, model in candidates.items()}
         results = {depth: found for depth, found in tried.items() if found}

@@ -18,31 +18,8 @@ def operating_ranges(records, n_ranges: int) -> list[np.ndarray]:
     period, and the inputs, all in standard deviations. Unmeasured samples are in no range, nor
     are the first samples of a trajectory, from which its initial state is known.
 
-    Parameters
-    ----------
-    records : tuple of Record
-        Measured trajectories.
-    n_ranges : int
-        Number of ranges, not counting the one whose centre is nearest to the mean.
-
-    Returns
-    -------
-    list of ndarray of bool, shape (n_samples,)
-        One mask per range over the concatenated trajectories, the one nearest to the mean first.
-
-    Raises
-    ------
-    ValueError
-        If fewer different samples were measured than there are ranges.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories.record import Record
-    >>> t, rows = np.arange(20.0), np.arange(20)
-    >>> rise = (t**3)[:, None]
-    >>> record = Record(t, rise, rise, np.zeros(1), "rise", rows)
-    >>> [rows[mask].tolist() for mask in operating_ranges((record,), 2)]
-    [[4, 5, 6, 7, 8, 9, 10], [16, 17, 18, 19]]
+    `n_ranges` does not count that one, whose centre is nearest to the mean. A mask of shape
+    (n_samples,) is over the concatenated trajectories; the range nearest to the mean comes first.
     """
     signals = _signals(records)
     known = np.isfinite(signals).all(axis=1)

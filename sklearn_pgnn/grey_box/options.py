@@ -13,23 +13,7 @@ from sklearn_pgnn.trajectories.validation import check_model
 
 
 def check_options(recipe) -> tuple[str, ...]:
-    """Check the parameters of a recipe, and return its depths in their order.
-
-    Parameters
-    ----------
-    recipe : GreyBoxRegressor
-        The recipe.
-
-    Returns
-    -------
-    tuple of str
-        The depths to choose from.
-
-    Raises
-    ------
-    OptionError
-        If a parameter is invalid.
-    """
+    """Check the parameters of a recipe, and return its depths in their order."""
     check_model(recipe.model)
     check_time_limit(recipe.time_limit)
     check_memory(recipe.memory)

@@ -13,22 +13,7 @@ DIAGNOSED = DEPTHS[2:4]
 def possible_depths(network) -> tuple[str, ...]:
     """Return all depths that can be tried with a network.
 
-    Parameters
-    ----------
-    network : estimator or None
-        The network; None for the default one.
-
-    Returns
-    -------
-    tuple of str
-        The depths.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import PhysicsModel, ResidualRegressor
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> possible_depths(ResidualRegressor(lag))
-    ('prior', 'fitted', 'extended', 'formula', 'network')
+    None stands for the default network.
     """
     if network is None and not is_installed("network"):
         return DEPTHS[: -len(NETWORKS)]

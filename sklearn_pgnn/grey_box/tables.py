@@ -12,14 +12,8 @@ from sklearn_pgnn.physics.model import PhysicsModel
 class PlainTable:
     """Concatenated records.
 
-    Parameters
-    ----------
-    X : DataFrame
-        Columns ``trajectory``, ``t`` and the inputs.
-    y : ndarray of shape (n_samples, n_outputs)
-        Measured outputs, NaN where there is none.
-    told : ndarray of shape (n_trajectories, n_states)
-        Initial states of the prior, NaN where unknown.
+    X has the columns ``trajectory``, ``t`` and the inputs; y is NaN where nothing was measured.
+    `told`, of shape (n_trajectories, n_states), are initial states of the prior, NaN where unknown.
     """
 
     X: pd.DataFrame
@@ -51,25 +45,7 @@ class PlainTable:
 def plain_table(model: PhysicsModel, records) -> PlainTable:
     """Concatenate records.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Names inputs and states.
-    records : tuple of Record
-        The records as read, with or without outputs.
-
-    Returns
-    -------
-    PlainTable
-        The table.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> table = plain_table(lag, read_records(lag, [[0.0, 1.0], [0.1, 1.0], [0.0, 2.0]]))
-    >>> table.starting(lag, table.told)["trajectory"].tolist(), table.lengths
-    ([0, 0, 1], [2, 1])
+    They may have no outputs.
     """
     frames = [
         pd.DataFrame({"trajectory": i, "t": record.t, **_inputs(model, record)})

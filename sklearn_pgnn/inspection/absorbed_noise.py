@@ -31,24 +31,9 @@ def absorbed_autocorrelation(
     with the slopes :math:`S_w` of the outputs by the initial state, in units of the noise, and the
     inverse variances :math:`\Lambda` of what is expected of it.
 
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The windows.
-    model : PhysicsModel
-        The fitted model.
-    x0 : ndarray of shape (n_windows, n_states)
-        Its fitted initial states, of led ones that of the record, see
-        `sklearn_pgnn.simulation.led_states`.
-    spread : ndarray of shape (n_states,)
-        How far each may be off what is expected.
-    lags : int
-        Largest lag [samples].
-
-    Returns
-    -------
-    ndarray of shape (lags, n_outputs)
-        By lag, from 1 on.
+    `x0` are fitted initial states, of led ones that of the record, see
+    `sklearn_pgnn.simulation.led_states`; `spread` is how far each may be off what is expected. The
+    result, of shape (lags, n_outputs), is by lag [samples], from 1 on.
     """
     acting, led, parts = windows.acting_inputs(model), lead(model, windows, (), x0), []
     begun = x0 if led is None else led.initial_states(x0)

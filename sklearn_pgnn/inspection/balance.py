@@ -27,14 +27,7 @@ SPAN_SHARE = 0.04
 class Samples:
     """A model and the value of its quantities at every sample of the records.
 
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records.
-    model : PhysicsModel
-        The model, at its values.
-    table : dict of str to ndarray or float
-        Values by name: time, states, inputs as they act, parameters.
+    The table has time, states, inputs as they act and parameters by name.
     """
 
     records: DiagnosisRecords
@@ -45,19 +38,7 @@ class Samples:
     def of(cls, records: DiagnosisRecords, model: PhysicsModel, states_of: PhysicsModel):
         """Take states and inputs from the records, and unobserved states from a simulation.
 
-        Parameters
-        ----------
-        records : DiagnosisRecords
-            The records.
-        model : PhysicsModel
-            The model.
-        states_of : PhysicsModel
-            The extended model, whose simulation fills those states.
-
-        Returns
-        -------
-        Samples
-            The values.
+        `states_of` is the extended model, whose simulation fills those states.
         """
         windows = records.windows
         table: dict[str, np.ndarray | float] = {"t": windows.t, **_states(records, states_of)}

@@ -26,14 +26,7 @@ from sklearn_pgnn.simulation.windows import evaluate
 class Case:
     """A cause, the model with all that was found and without this cause, and the records.
 
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records.
-    full, without : PhysicsModel
-        The model with all causes and the formula, and with all but this cause, at the same values.
-    effect : Effect
-        The cause.
+    `full` has all causes and the formula, and `without` all but this cause, at the same values.
     """
 
     records: DiagnosisRecords

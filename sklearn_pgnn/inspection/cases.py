@@ -8,26 +8,9 @@ from sklearn_pgnn.physics.expansion import expanded
 def cases_of(expression: sympy.Expr, moving) -> list[tuple[sympy.Expr, sympy.Expr]]:
     """Return what an expression is in each case, where it has cases of one kind.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        The expression.
-    moving : collection of sympy.Symbol
-        What moves in it: states, inputs and the time; all else are numbers.
-
-    Returns
-    -------
-    list of (sympy.Expr, sympy.Expr)
-        Values and conditions, the last condition being true where it is all other cases; empty
-        where the expression has no cases, or of several kinds.
-
-    Examples
-    --------
-    >>> v, level = sympy.symbols("v level", real=True)
-    >>> cases_of(-level * sympy.sign(v), {v})
-    [(-level, v > 0), (level, v < 0)]
-    >>> cases_of(level * v, {v})
-    []
+    `moving` are states, inputs and the time; all else are numbers. Return values and conditions,
+    the last condition being true where it is all other cases; nothing where the expression has no
+    cases, or of several kinds.
     """
     return _by_sign(expression) or _by_dead_zone(expression) or _by_limits(expression, set(moving))
 

@@ -4,13 +4,7 @@ from sklearn_pgnn.physics.effects import find_effect
 
 
 def cause_name(effect: str, target: str) -> str:
-    """Return the plain name of an effect on its target.
-
-    Examples
-    --------
-    >>> cause_name("coulomb_friction", "omega"), cause_name("wrong_parameter", "J")
-    ('Coulomb friction on omega', 'wrong value of J')
-    """
+    """Return the plain name of an effect on its target."""
     return find_effect(effect).title(target)
 
 

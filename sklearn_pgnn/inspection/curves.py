@@ -21,16 +21,8 @@ class Line:
 class Evidence:
     """The evidence for a cause.
 
-    Parameters
-    ----------
-    title, x_label, y_label : str
-        What is drawn.
-    points : tuple of ndarray or None
-        Abscissa and ordinate of the records' points.
-    lines : tuple of Line
-        Curves of the models.
-    note : str
-        One sentence: what to look at.
+    `points` are abscissa and ordinate of the records' points, `lines` curves of the models; the
+    note is one sentence: what to look at.
     """
 
     title: str

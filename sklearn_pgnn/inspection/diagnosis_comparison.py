@@ -35,12 +35,7 @@ _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "
 class Quantity:
     """A physical quantity that one or both of two diagnoses have estimated.
 
-    Parameters
-    ----------
-    name, unit : str
-        Its name and unit.
-    one, other : tuple of float or None
-        Value, and the ends of its 95 % interval, in each diagnosis; None where it has none.
+    Each diagnosis has its value, and the ends of its 95 % interval, or None.
     """
 
     name: str
@@ -55,13 +50,6 @@ class Quantity:
         .. math:: |a - b| > \sqrt{h_a^2 + h_b^2}
 
         with the half-widths :math:`h` of the 95 % intervals.
-
-        Examples
-        --------
-        >>> Quantity("m", "kg", (2.0, 1.9, 2.1), (2.3, 2.2, 2.4)).differs
-        True
-        >>> Quantity("m", "kg", (2.0, 1.9, 2.1), (2.1, 2.0, 2.2)).differs
-        False
         """
         if self.one is None or self.other is None:
             return False
@@ -72,17 +60,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text.
-
-    Parameters
-    ----------
-    title : str
-        Its title.
-    headers : tuple of str
-        Titles of the columns.
-    rows : tuple of tuple of str
-        The cells.
-    """
+    """A table of text."""
 
     title: str
     headers: tuple[str, ...]

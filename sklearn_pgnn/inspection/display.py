@@ -30,18 +30,8 @@ CLOUD, BINS = 4000, 45
 class Comparison:
     """A record and its simulations by the models.
 
-    Parameters
-    ----------
-    title : str
-        The record, and how it was simulated.
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    outputs : dict of str to str
-        Output names and units.
-    measured : ndarray of shape (n_samples, n_outputs) or None
-        Measured outputs.
-    simulated : dict of str to ndarray of shape (n_samples, n_outputs)
-        Simulated outputs of each model, the best last.
+    `outputs` are units by name. `measured`, and what each model simulates, the best last, have
+    shape (n_samples, n_outputs); times are in seconds.
     """
 
     title: str
@@ -176,26 +166,8 @@ def plot_diagnosis(diagnosis: ModelDiagnosis) -> DiagnosisDisplay:
 def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Comparison:
     """Return one record with its simulations by the prior and by the model with all found.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        The fitted diagnosis.
-    X, y : DataFrame or array, optional
-        Records to simulate; by default those it was fitted on.
-    kind : {"free_run", "windows"}, default="free_run"
-        How the models are simulated.
-    record : int, optional
-        Number of the record; by default one with a typical error.
-
-    Returns
-    -------
-    Comparison
-        What to draw.
-
-    Raises
-    ------
-    ValueError
-        If the kind or the record is unknown, or windows are requested for new records.
+    By default the records are those of the fit, and the one is one with a typical error; `kind` is
+    ``"free_run"`` or ``"windows"``.
     """
     if kind not in ("free_run", "windows"):
         raise ValueError(f"kind: expected 'free_run' or 'windows', got {kind!r}.")

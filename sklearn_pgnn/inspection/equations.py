@@ -14,12 +14,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 class Number:
     """A parameter of an equation.
 
-    Parameters
-    ----------
-    mathml, value : str
-        Its symbol, and its value with its unit.
-    is_new : bool
-        Whether the other model lacks it.
+    `mathml` is its symbol, and the value has its unit; it `is_new` if the other model lacks it.
     """
 
     mathml: str
@@ -31,19 +26,9 @@ class Number:
 class Equation:
     """One equation of a model.
 
-    Parameters
-    ----------
-    text : str
-        As text.
-    mathml : str
-        As MathML, in pieces between which a line may break, with the terms that the other model
-        lacks marked; empty where it would be too large to read.
-    changed : bool
-        Whether it differs from that of the other model.
-    cases : str, default=""
-        The terms that the other model lacks, case by case, as MathML; empty if without cases.
-    numbers : tuple of Number, default=()
-        The parameters in it.
+    `mathml` is in pieces between which a line may break, with the terms that the other model lacks
+    marked, and empty where it would be too large to read; `cases` are these terms, case by case,
+    empty if without cases. It is `changed` if it differs from that of the other model.
     """
 
     text: str
@@ -54,14 +39,7 @@ class Equation:
 
 
 def equations_of(model: PhysicsModel, other: PhysicsModel, *, marks: bool = True) -> list[Equation]:
-    """Write a model's equations, delays and those outputs that differ from another model's.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
-    >>> [equation.text for equation in equations_of(lag, lag)]
-    ["y' = -y/T"]
-    """
+    """Write a model's equations, delays and those outputs that differ from another model's."""
     writer = _Writer(model, other, marks)
     rates = [
         writer.equation(

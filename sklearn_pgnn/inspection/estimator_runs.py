@@ -17,16 +17,8 @@ from sklearn_pgnn.trajectories import read_records
 class Runs:
     """Records, and their simulations by several models.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model that names inputs and outputs.
-    names : tuple of str
-        Names of the records.
-    t, u, measured : tuple of ndarray
-        By record: time [s], inputs and outputs.
-    simulated : dict of str to tuple of ndarray
-        By the name of each model and by record: its outputs.
+    Times [s], inputs and outputs are by record; what is simulated, by the name of each model and by
+    record.
     """
 
     model: PhysicsModel
@@ -40,22 +32,8 @@ class Runs:
 def run_estimators(estimator, X=None, y=None) -> Runs:
     """Simulate or predict records in free run.
 
-    Parameters
-    ----------
-    estimator : fitted estimator, PhysicsModel, or mapping of str to them
-        The models to run, by name where there are several.
-    X, y : DataFrame or array, optional
-        The records; for a diagnosis, by default those that it was fitted on.
-
-    Returns
-    -------
-    Runs
-        The records and the outputs of each model.
-
-    Raises
-    ------
-    ValueError
-        If records are missing, or the estimator has no model.
+    The estimator may be a mapping of names to several; a diagnosis has by default the records that
+    it was fitted on.
     """
     if X is None:
         return _of_fit(estimator)

@@ -24,20 +24,7 @@ DRAWN = {
 
 
 def find_evidence(diagnosis, cause) -> Evidence:
-    """Return the evidence for a named cause: the characteristic that its effect declares.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    cause : NamedCause
-        One of its causes.
-
-    Returns
-    -------
-    Evidence
-        Points of the records and the law of the cause.
-    """
+    """Return the evidence for a named cause: the characteristic that its effect declares."""
     return evidence_of(make_case(diagnosis, cause))
 
 

@@ -21,16 +21,8 @@ from sklearn_pgnn.trajectories.repeated_records import REMEDY, remarks_on_repeat
 class SeenRecord:
     """One record.
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    samples : int
-        Number of samples.
-    duration, sample_time : float
-        Time from the first to the last sample, and the median sample time [s].
-    fit : dict of str to float
-        By output, the fit of the model as given to this record; see `fit_percentage`.
+    The duration is from the first to the last sample, the sample time the median [s]; `fit` is, by
+    output, that of the model as given, see `fit_percentage`.
     """
 
     name: str
@@ -44,16 +36,8 @@ class SeenRecord:
 class SeenQuantity:
     """An input or an output over all records.
 
-    Parameters
-    ----------
-    name, role, unit : str
-        Its name, its role (``"input"`` or ``"output"``), and its unit in the model.
-    low, high : float
-        Smallest and largest value [unit].
-    missing : int
-        Samples without a value.
-    channel : str
-        What the model says of it, as in ``"measured"`` or ``"encoder"``; empty if nothing.
+    Its role is ``"input"`` or ``"output"``, and `missing` the number of samples without a value;
+    `channel` is what the model says of it, as in ``"measured"`` or ``"encoder"``, empty if nothing.
     """
 
     name: str
@@ -69,15 +53,8 @@ class SeenQuantity:
 class FirstFit:
     """The free-run fit of one output by the model as given, from the start of the records.
 
-    Parameters
-    ----------
-    output, unit : str
-        The output and its unit.
-    error, noise : float
-        Root mean square error, and the noise estimated from the records [unit]; NaN for an output
-        that never changes.
-    fit : float
-        See `fit_percentage`.
+    The error is a root mean square, the noise is estimated from the records, both in the unit of
+    the output; NaN for an output that never changes. For `fit` see `fit_percentage`.
     """
 
     output: str

@@ -5,13 +5,6 @@ from sklearn_pgnn.inspection.numbers import number, typeset_unit
 
 
 def least_size(row: Detectable, digits: int = 2) -> str:
-    """Return the smallest size with its unit, and whether none smaller was tried.
-
-    Examples
-    --------
-    >>> lag = Detectable("actuator_lag", "u", "time", "s", 0.005, (), is_least_tried=True)
-    >>> least_size(lag)
-    '0.005 s (smallest tried)'
-    """
+    """Return the smallest size with its unit, and whether none smaller was tried."""
     size = f"{number(row.smallest, digits)} {typeset_unit(row.unit)}".rstrip()
     return f"{size} (smallest tried)" if row.is_least_tried else size

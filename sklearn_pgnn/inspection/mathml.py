@@ -27,10 +27,7 @@ _RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
 class Printer(MathMLPresentationPrinter):
     """Prints products with numbers and constants before what moves.
 
-    Parameters
-    ----------
-    moving : collection of sympy.Symbol, default=()
-        States, inputs and the time; by default nothing is sorted.
+    `moving` are states, inputs and the time; by default nothing is sorted.
     """
 
     def __init__(self, moving: Collection[sympy.Symbol] = ()):
@@ -83,17 +80,7 @@ class Printer(MathMLPresentationPrinter):
 def mathml_of(expression, moving: Collection[sympy.Symbol] = ()) -> str:
     """Return an expression as MathML.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        The expression.
-    moving : collection of sympy.Symbol, default=()
-        What moves in it; constants are written before it.
-
-    Returns
-    -------
-    str
-        The MathML text.
+    Constants are written before what is `moving`.
     """
     return _math(_part(Printer(moving), expression), expression)
 
@@ -101,20 +88,8 @@ def mathml_of(expression, moving: Collection[sympy.Symbol] = ()) -> str:
 def equation_mathml(left, right, before=None, moving: Collection[sympy.Symbol] = ()) -> str:
     """Return an equation as MathML.
 
-    Parameters
-    ----------
-    left, right : sympy.Expr
-        Its sides.
-    before : sympy.Expr, optional
-        What its right side was: what has been added is marked.
-    moving : collection of sympy.Symbol, default=()
-        States, inputs and the time.
-
-    Returns
-    -------
-    str
-        The MathML text, in pieces between which a line may break; empty where it is too large to
-        read.
+    `before` is what its right side was: what has been added is marked. The text is in pieces
+    between which a line may break, and empty where it is too large to read.
     """
     if right.count_ops() > MAX_OPERATIONS:
         return ""
@@ -142,20 +117,7 @@ def equation_mathml(left, right, before=None, moving: Collection[sympy.Symbol] =
 
 
 def cases_mathml(right, before, moving: Collection[sympy.Symbol]) -> str:
-    """Return what was added to a right side, case by case; empty where it has no cases.
-
-    Parameters
-    ----------
-    right, before : sympy.Expr
-        The right side now and before.
-    moving : collection of sympy.Symbol
-        States, inputs and the time.
-
-    Returns
-    -------
-    str
-        The MathML text.
-    """
+    """Return what was added to a right side, case by case; empty where it has no cases."""
     added = added_terms(right, before)
     ends = [term for term in added if term.has(sympy.Max, sympy.Min)]
     others = [term for term in added if term not in ends]
@@ -175,14 +137,7 @@ def _cases(added, moving) -> str:
 
 
 def added_terms(right, before) -> list:
-    """Return the terms of a right side that were not there before, its denominator left out.
-
-    Examples
-    --------
-    >>> F, d, v, m, load = sympy.symbols("F d v m load")
-    >>> added_terms((F - d * v - load) / m, (F - d * v) / m)
-    [-load]
-    """
+    """Return the terms of a right side that were not there before, its denominator left out."""
     if before is None or right == before:
         return []
     (above, below), (was_above, was_below) = map(sympy.fraction, (right, before))

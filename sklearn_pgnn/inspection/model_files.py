@@ -22,16 +22,8 @@ def file_of(model: PhysicsModel) -> str:
 def model_files(diagnosis) -> dict[str, Callable[[], str]]:
     """Return functions that give the text of every model file, by file name.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    dict of str to callable
-        The extended model first, then one with each rival in the place of its cause; none where
-        the model calls functions that have no equation.
+    The extended model comes first, then one with each rival in the place of its cause; there are
+    none where the model calls functions that have no equation.
     """
     if diagnosis.model.opaque_functions:
         return {}

@@ -9,20 +9,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def known_sentence(diagnosis, part) -> str:
-    """Return which terms of a formula have a name, and how to have it fitted; empty for none.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    part : MissingPart
-        Its missing part.
-
-    Returns
-    -------
-    str
-        A sentence and its remedy, or nothing.
-    """
+    """Return which terms of a formula have a name, and how to have it fitted; empty for none."""
     if not part.known:
         return ""
     said = listed(
@@ -41,20 +28,7 @@ def known_sentence(diagnosis, part) -> str:
 
 
 def known_remedy(diagnosis, part) -> str:
-    """Return how to have terms that have a name fitted; empty where the search has tried that.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    part : MissingPart
-        Its missing part.
-
-    Returns
-    -------
-    str
-        A remedy, or nothing.
-    """
+    """Return how to have terms that have a name fitted; empty where the search has tried that."""
     open_ = [each for each in part.known if not _was_enough_tried(diagnosis, each)]
     remedies = dict.fromkeys(_remedy(diagnosis, each) for each in open_)
     return f"Remedy: {'; '.join(remedies)}." if remedies else ""

@@ -32,15 +32,7 @@ _CELL = "text-align: left; padding: 0 1em 0 0"
 def model_html(model) -> str:
     """Return a model as HTML: its equations, and its quantities with their units.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-
-    Returns
-    -------
-    str
-        A piece of HTML; names and units are escaped.
+    Names and units are escaped.
 
     Examples
     --------
@@ -81,16 +73,6 @@ def model_latex(model) -> str:
 def effect_html(effect) -> str:
     """Return an effect as HTML: its description and its quantities.
 
-    Parameters
-    ----------
-    effect : Effect
-        The effect.
-
-    Returns
-    -------
-    str
-        A piece of HTML.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import InputBias
@@ -111,16 +93,6 @@ def effect_html(effect) -> str:
 def effect_latex(effect) -> str | None:
     r"""Return the law of an effect as LaTeX, from its documentation; None where it has none.
 
-    Parameters
-    ----------
-    effect : Effect or type[Effect]
-        The effect.
-
-    Returns
-    -------
-    str or None
-        The law between dollar signs.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import ViscousFriction
@@ -135,17 +107,7 @@ def effect_latex(effect) -> str | None:
 def cause_html(cause, complete: bool = True) -> str:
     """Return a named cause as HTML: description, size, probability, and how to check it.
 
-    Parameters
-    ----------
-    cause : NamedCause
-        A cause of a diagnosis.
-    complete : bool, default=True
-        Whether the diagnosis ran to completion, and compared the cause with others.
-
-    Returns
-    -------
-    str
-        A piece of HTML.
+    `complete` is whether the diagnosis compared the cause with others.
     """
     rows = [
         (name.replace("_", " "), measured(e.value, e.low, e.high, typeset_unit(e.unit)))
@@ -167,18 +129,7 @@ def cause_latex(cause) -> str | None:
 
 
 def diagnosis_html(diagnosis) -> str:
-    """Return a diagnosis as HTML: before the fit its settings, then its verdict.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    str
-        A piece of HTML.
-    """
+    """Return a diagnosis as HTML: before the fit its settings, then its verdict."""
     if not hasattr(diagnosis, "verdict_"):
         return BaseEstimator._html_repr(diagnosis)
     head = (

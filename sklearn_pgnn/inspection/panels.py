@@ -8,24 +8,8 @@ from sklearn_pgnn.inspection.style import shown_figure
 def panels(ax, count: int, width: float, height: float) -> np.ndarray:
     """Return the axes to draw on.
 
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes, array-like of them, or None
-        Given axes; by default those of a new figure of pyplot, one below the other.
-    count : int
-        How many are needed.
-    width, height : float
-        Size of a new figure, and of each of its panels [inch].
-
-    Returns
-    -------
-    ndarray of matplotlib.axes.Axes
-        As many as are needed.
-
-    Raises
-    ------
-    ValueError
-        If another number is given.
+    By default they are those of a new figure of pyplot, one below the other; width and height
+    [inch] are those of the figure, and of each of its panels.
     """
     if ax is None:
         return shown_figure(width, height * count).subplots(count, squeeze=False)[:, 0]

@@ -24,23 +24,8 @@ def correlation(one: Sequence, other: Sequence, lags) -> np.ndarray:
 
     Means over all records are subtracted; missing samples count as the mean.
 
-    Parameters
-    ----------
-    one, other : sequence of ndarray of shape (n_samples,)
-        The signals, record by record.
-    lags : sequence of int
-        Number of samples by which `other` lags.
-
-    Returns
-    -------
-    ndarray of shape (n_lags,)
-        Between -1 and 1; zero where a signal never changes.
-
-    Examples
-    --------
-    >>> correlation([np.array([0.0, 1.0, 0.0, 0.0])], [np.array([0.0, 0.0, 1.0, 0.0])],
-    ...             [0, 1]).round(2).tolist()
-    [-0.33, 0.92]
+    `lags` are numbers of samples by which `other` lags. The correlation lies between -1 and 1, and
+    is zero where a signal never changes.
     """
     one, other = _centred(one), _centred(other)
     power = np.sqrt(sum(a @ a for a in one) * sum(b @ b for b in other))

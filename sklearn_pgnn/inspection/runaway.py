@@ -16,18 +16,7 @@ REMEDY = (
 
 
 def runaway_sentence(diagnosis) -> str:
-    """Return what was expected of the model, what came, and where.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        Three sentences.
-    """
+    """Return what was expected of the model, what came, and where."""
     came = [
         f"{number(gain.refitted, 3)} {gain.unit}".rstrip() + f" of {output} instead of less than "
         f"{number(expected, 3)}"
@@ -47,15 +36,7 @@ def runaway_sentence(diagnosis) -> str:
 def runaway_remedy(diagnosis) -> str:
     """Return what to do about a model that runs away.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        Sentences; the first is on windows of a given length.
+    The first sentence is on windows of a given length.
     """
     given = "" if diagnosis.window_length is None else "Leave window_length out. "
     return f"{given}{REMEDY}"

@@ -159,25 +159,7 @@ class SimulationDisplay:
 
 
 def output_column(model, output: str | None) -> int:
-    """Return the column of an output, by default of the first.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    output : str or None
-        Its output.
-
-    Returns
-    -------
-    int
-        The column.
-
-    Raises
-    ------
-    ValueError
-        If the model has no such output.
-    """
+    """Return the column of an output, by default of the first."""
     names = list(model.outputs)
     if output is None:
         return 0

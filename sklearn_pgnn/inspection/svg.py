@@ -18,19 +18,7 @@ SIDE, BINS = 1000, 700
 class Scale:
     """An axis from a low to a high value.
 
-    Parameters
-    ----------
-    low, high : float
-        Its ends, different.
-    log : bool, default=False
-        Whether it is logarithmic.
-
-    Examples
-    --------
-    >>> Scale(0.0, 10.0).place([0.0, 5.0]).tolist()
-    [0.0, 0.5]
-    >>> Scale(1.0, 100.0, log=True).ticks()
-    [1.0, 3.0, 10.0, 30.0, 100.0]
+    Its ends are different.
     """
 
     low: float
@@ -98,21 +86,8 @@ def percent(share) -> str:
 class Plot:
     """A plot of curves, points, bands and cells.
 
-    Parameters
-    ----------
-    x, y : Scale
-        Its axes.
-    label : str
-        What is seen, for those who do not see it.
-    css : str, default=""
-        Classes of the plot, as "low" for one of little height.
-
-    Examples
-    --------
-    >>> plot = Plot(Scale(0, 1), Scale(0, 1), "a ramp")
-    >>> plot.line([0, 1], [0, 1], "extended", "the ramp")
-    >>> "M0 1000L1000 0" in plot.html()
-    True
+    `label` is what is seen, for those who do not see it; `css` are classes, as "low" for one of
+    little height.
     """
 
     def __init__(self, x: Scale, y: Scale, label: str, css: str = ""):
@@ -237,14 +212,7 @@ def tick_labels(values) -> list[str]:
 
 
 def thinned(x: np.ndarray, y: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
-    """Return a curve by the lowest and the highest point of every bin, where it has many points.
-
-    Examples
-    --------
-    >>> x, y = thinned(np.arange(10000.0), np.sin(np.arange(10000.0)), bins=100)
-    >>> x.size, bool(y.max() > 0.99)
-    (200, True)
-    """
+    """Return a curve by the lowest and the highest point of every bin, where it has many points."""
     if x.size <= 2 * bins:
         return x, y
     rows = []
@@ -277,14 +245,7 @@ def _short(value: float) -> str:
 def strip(label: str, shapes, css: str = "") -> Markup:
     """Return a strip of a row of a table.
 
-    Parameters
-    ----------
-    label : str
-        What is seen.
-    shapes : iterable of Markup
-        Its shapes, see `dot`, `span` and `mark`.
-    css : str, default=""
-        Classes.
+    For the shapes see `dot`, `span` and `mark`.
     """
     inner = Markup("").join(shapes)
     text = Markup('<svg class="strip {}" role="img" aria-label="{}">{}</svg>')

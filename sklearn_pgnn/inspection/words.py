@@ -36,16 +36,6 @@ def rivals(cause) -> str:
     """Return the rivals of a cause, each with its probability; empty if there are none.
 
     That something else acts, which has no name, or nothing, is one of them.
-
-    Parameters
-    ----------
-    cause : NamedCause
-        A cause of a diagnosis.
-
-    Returns
-    -------
-    str
-        The list, as in a sentence.
     """
     others = [(cause_name(o.effect, o.target), o.probability) for o in cause.confused_with]
     none = 1.0 - cause.probability - sum(probability for _, probability in others)
@@ -55,36 +45,12 @@ def rivals(cause) -> str:
 
 
 def rivals_or_none(cause, complete: bool) -> str:
-    """Return the rivals of a cause; if there are none, whether it was compared with others.
-
-    Parameters
-    ----------
-    cause : NamedCause
-        A cause of a diagnosis.
-    complete : bool
-        Whether the diagnosis ran to completion.
-
-    Returns
-    -------
-    str
-        The list, or a word in its place.
-    """
+    """Return the rivals of a cause; if there are none, whether it was compared with others."""
     return rivals(cause) or ("nothing" if complete else NOT_COMPARED)
 
 
 def verdict_sentence(diagnosis) -> str:
-    """Return the verdict of a diagnosis in plain words.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        One or two sentences.
-    """
+    """Return the verdict of a diagnosis in plain words."""
     return f"{stopped_sentence(diagnosis)}{_SAID[diagnosis.verdict_](diagnosis)}".rstrip()
 
 
@@ -112,18 +78,7 @@ def stopped_sentence(diagnosis) -> str:
 
 
 def unusable_sentence(diagnosis) -> str:
-    """Return how many candidates could not be fitted, and which; empty if there are none.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        A sentence, or nothing.
-    """
+    """Return how many candidates could not be fitted, and which; empty if there are none."""
     lost = diagnosis.unusable_
     if not lost:
         return ""
@@ -135,15 +90,7 @@ def unusable_sentence(diagnosis) -> str:
 def lacks(causes) -> str:
     """Return a phrase for what a model without some causes lacks.
 
-    Parameters
-    ----------
-    causes : iterable
-        Causes, each with its ``effect`` and ``target``.
-
-    Returns
-    -------
-    str
-        A verb and the causes' names, such as "lacks backlash of u and has a wrong value of m".
+    It is such as "lacks backlash of u and has a wrong value of m".
     """
     names: dict[str, list[str]] = {}
     for cause in causes:
@@ -224,18 +171,7 @@ def _of(output: str, what: str, outputs) -> str:
 
 
 def remaining_sentence(diagnosis) -> str:
-    """Return a sentence on the remaining residuals: noise, a disturbance or structure.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        One sentence.
-    """
+    """Return a sentence on the remaining residuals: noise, a disturbance or structure."""
     remaining = diagnosis.remaining_
     if remaining.kind == "noise":
         return "What is left is white noise."
@@ -426,18 +362,7 @@ def _bare(error: float) -> str:
 
 
 def separation_sentence(separation) -> str:
-    """Return a sentence on the experiment that would separate two causes.
-
-    Parameters
-    ----------
-    separation : Separation
-        How two causes can be told apart.
-
-    Returns
-    -------
-    str
-        One or two sentences.
-    """
+    """Return a sentence on the experiment that would separate two causes."""
     one, other = (cause_name(c.effect, c.target) for c in (separation.cause, separation.other))
     if separation.equivalent:
         return (

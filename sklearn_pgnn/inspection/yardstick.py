@@ -19,12 +19,8 @@ MODELS = {
 class Errors:
     """Errors of the three models, in units of the noise.
 
-    Parameters
-    ----------
-    prior, refitted, extended : float
-        The model as given, re-tuned, and re-tuned and extended; infinite where it diverges.
-    formula : float
-        The model with the causes and the formula; not a number where there is no formula.
+    They are infinite where the model diverges; that of the model with the causes and the formula is
+    not a number where there is no formula.
     """
 
     prior: float
@@ -81,12 +77,7 @@ def together(diagnosis) -> Errors:
 class LeftAlone(NamedTuple):
     """A candidate, and the error it leaves as the only cause with re-tuning, in units of the noise.
 
-    Parameters
-    ----------
-    effect, target : str
-        The candidate.
-    left, low, high : float
-        The remaining error, with its 95 % interval.
+    `low` and `high` are the ends of its 95 % interval.
     """
 
     effect: str

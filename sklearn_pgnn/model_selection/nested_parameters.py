@@ -4,17 +4,7 @@
 def parameters_named(estimator, name: str) -> dict[str, object]:
     """Return the parameters with a given name, of an estimator and of all estimators in it.
 
-    Parameters
-    ----------
-    estimator : estimator
-        The estimator.
-    name : str
-        Name of the parameters without a prefix.
-
-    Returns
-    -------
-    dict of str to object
-        Values by full name.
+    They are by full name; `name` is without a prefix.
 
     Examples
     --------

@@ -10,18 +10,7 @@ from sklearn.utils.validation import check_is_fitted
 
 
 def inner_has(method: str):
-    """Return a decorator for a method that is available if the inner estimator has it.
-
-    Parameters
-    ----------
-    method : str
-        The method.
-
-    Returns
-    -------
-    callable
-        The decorator, of methods of an `OuterEstimatorMixin`.
-    """
+    """Return a decorator for a method that is available if the inner estimator has it."""
 
     def check(outer) -> bool:
         return has_method(getattr(outer, outer._fitted, outer.estimator), method)
@@ -32,17 +21,7 @@ def inner_has(method: str):
 def has_method(estimator, method: str) -> bool:
     """Return whether an estimator has a method, a pipeline also if its last step has.
 
-    Parameters
-    ----------
-    estimator : estimator
-        The estimator.
-    method : str
-        The method, which takes X first.
-
-    Returns
-    -------
-    bool
-        Whether `method_of` finds it.
+    The method takes X first.
     """
     if hasattr(estimator, method) or not isinstance(estimator, Pipeline):
         return hasattr(estimator, method)
@@ -52,17 +31,7 @@ def has_method(estimator, method: str) -> bool:
 def method_of(estimator, method: str) -> Callable:
     """Return a method of an estimator; that of a pipeline's last step behind its transformers.
 
-    Parameters
-    ----------
-    estimator : estimator
-        The fitted estimator.
-    method : str
-        The method, which takes X first.
-
-    Returns
-    -------
-    callable
-        The method.
+    The method takes X first.
 
     Examples
     --------

@@ -12,27 +12,7 @@ from sklearn_pgnn.trajectories.tables import TIME, as_pandas
 def own_folds(cv, estimator, X):
     """Return a splitter; a number means `TrajectoryKFold` with the estimator's columns.
 
-    Parameters
-    ----------
-    cv : int or cross-validation splitter
-        A splitter, which is returned as it is, or the number of folds.
-    estimator : estimator
-        Estimator to cross-validate, alone or in a pipeline.
-    X : DataFrame or array of shape (n_samples, n_columns)
-        Data that the estimator is to be fitted to.
-
-    Returns
-    -------
-    cross-validation splitter
-        The splitter.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import PhysicsModel, PhysicsModelRegressor
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> folds = own_folds(3, PhysicsModelRegressor(lag, time_column=1), [[5.0, 0.0], [5.0, 0.1]])
-    >>> type(folds).__name__, folds.n_splits, folds.time_column
-    ('TrajectoryKFold', 3, 1)
+    A splitter is returned as it is; the estimator is alone or in a pipeline.
     """
     return cv if hasattr(cv, "split") else TrajectoryKFold(cv, **columns_of(estimator, X))
 
@@ -40,26 +20,9 @@ def own_folds(cv, estimator, X):
 def columns_of(estimator, X) -> dict:
     """Return the columns of time and trajectory, as an estimator's parameters or model say.
 
-    Parameters
-    ----------
-    estimator : estimator
-        In a pipeline the first step that has them counts, in a meta-estimator the inner estimator.
-    X : DataFrame or array of shape (n_samples, n_columns)
-        Data that it is to be fitted to; the names of a model refer to a DataFrame.
-
-    Returns
-    -------
-    dict of str to int, str or None
-        ``time_column`` and ``trajectory_column`` of `TrajectoryKFold`; None means the default
-        column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from sklearn_pgnn import PhysicsModel, PhysicsModelRegressor
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y"}, columns={"trajectory": "run"})
-    >>> columns_of(PhysicsModelRegressor(lag), pd.DataFrame({"t": [0.0], "run": [1]}))
-    {'time_column': None, 'trajectory_column': 'run'}
+    In a pipeline the first step that has them counts, in a meta-estimator the inner estimator; the
+    names of a model refer to a DataFrame. Return ``time_column`` and ``trajectory_column`` of
+    `TrajectoryKFold`; None means the default column.
     """
     return {
         "time_column": _first_said(estimator, partial(_time_column, X=X)),

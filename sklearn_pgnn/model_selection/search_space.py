@@ -106,18 +106,8 @@ def search_space(estimator, **changes) -> dict:
 def refuse_unknown_names(estimator, names) -> None:
     """Refuse names that are no parameters of an estimator; nothing is fitted.
 
-    Parameters
-    ----------
-    estimator : estimator
-        The estimator.
-    names : iterable of str
-        Full names, such as ``"network__module__neurons"``. What is inside a parameter that is named
-        itself is not checked, for that may hold anything.
-
-    Raises
-    ------
-    OptionError
-        If a name is none of a parameter, of those of the estimators inside, or of a network's core.
+    Names are full, such as ``"network__module__neurons"``. What is inside a parameter that is named
+    itself is not checked, for that may hold anything.
 
     Examples
     --------
@@ -179,15 +169,7 @@ def searched_parts(estimator) -> dict:
 
     To be registered for such an estimator's class.
 
-    Parameters
-    ----------
-    estimator : estimator
-        The outer estimator.
-
-    Returns
-    -------
-    dict of str to estimator or None
-        The estimators by the name of the parameter; None for one that is never fitted.
+    They are by the name of the parameter; None stands for one that is never fitted.
     """
     return {}
 

@@ -15,27 +15,10 @@ from sklearn_pgnn.trajectories.tables import as_table, read_clock
 def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> list[np.ndarray]:
     """Find the rows of every trajectory in a table.
 
-    Parameters
-    ----------
-    X : DataFrame or array-like of shape (n_samples, n_columns)
-        The table. Its column ``trajectory`` is decisive; without it a trajectory begins wherever
-        time does not increase.
-    groups : array-like of shape (n_samples,), optional
-        Trajectory of every row; overrides X.
-    time_column : int or str, optional
-        Column of the time; by default ``"t"``, the first where the columns have no names.
-    trajectory_column : str, optional
-        Column that names the trajectory of every row; by default ``"trajectory"``.
-
-    Returns
-    -------
-    list of ndarray
-        Row numbers of every trajectory, in the order of their first rows.
-
-    Raises
-    ------
-    ValueError
-        If neither a trajectory nor a time can be read.
+    Its column ``trajectory`` is decisive; without it a trajectory begins wherever time does not
+    increase. `groups`, the trajectory of every row, overrides X. The time is by default in ``"t"``,
+    the first column where the columns have no names. The trajectories are in the order of their
+    first rows.
 
     Examples
     --------
@@ -55,23 +38,8 @@ def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=N
     Without a column ``trajectory`` a new trajectory is recognised by a time that does not
     increase. If a trajectory is left out, its neighbours may no longer be distinguishable.
 
-    Parameters
-    ----------
-    X : DataFrame or array-like of shape (n_samples, n_columns)
-        The table.
-    pieces : list of ndarray
-        Row numbers of the trajectories that stay together, in the order of the table.
-    groups : array-like of shape (n_samples,), optional
-        Trajectory of every row; if given, nothing is checked.
-    time_column : int or str, optional
-        Column of the time.
-    trajectory_column : str, optional
-        Column that names the trajectory of every row.
-
-    Raises
-    ------
-    ValueError
-        If a trajectory begins later than the one before it ends.
+    `pieces` are row numbers of the trajectories that stay together, in the order of the table; if
+    `groups` are given, nothing is checked.
 
     Examples
     --------
@@ -100,17 +68,8 @@ since time keeps increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajec
 def are_measured(pieces, y) -> np.ndarray:
     """Return for every trajectory whether some of its outputs are measured.
 
-    Parameters
-    ----------
-    pieces : list of ndarray
-        Row numbers of every trajectory.
-    y : array-like of shape (n_samples, n_outputs) or (n_samples,) or None
-        Measured outputs, NaN or None where there is none.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_trajectories,)
-        True for all without y.
+    `pieces` are row numbers of every trajectory; y is NaN or None where there is none, and without
+    y all are measured.
 
     Examples
     --------
@@ -126,22 +85,8 @@ def are_measured(pieces, y) -> np.ndarray:
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
     """Split trajectories in order so that the numbers of samples come nearest to given shares.
 
-    Parameters
-    ----------
-    lengths : array-like of shape (n_trajectories,)
-        Samples of every trajectory; there are at least as many as shares.
-    shares : array-like of shape (n_parts,)
-        Share of the samples in every part; they sum to one.
-
-    Returns
-    -------
-    list of ndarray
-        Numbers of the trajectories in every part, at least one each.
-
-    Examples
-    --------
-    >>> [part.tolist() for part in deal_in_order([10, 10, 10, 10, 10], [0.6, 0.2, 0.2])]
-    [[0, 1, 2], [3], [4]]
+    `lengths` are samples of every trajectory, at least as many as shares, which sum to one. Return
+    the numbers of the trajectories in every part, at least one each.
     """
     ends = np.cumsum(lengths)
     wanted = np.cumsum(shares)[:-1] * ends[-1]

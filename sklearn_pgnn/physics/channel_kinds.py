@@ -128,15 +128,7 @@ def kinds(is_input: bool) -> tuple[str, ...]:
 
 
 def usual_kind(model: "PhysicsModel", name: str) -> str:
-    """Return what a channel usually is, by its name and unit; empty where that may be anything.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.systems import golf_robot
-    >>> robot = golf_robot()
-    >>> {name: usual_kind(robot, name) for name in (*robot.inputs, *robot.outputs)}
-    {'torque': '', 'phi_measured': 'encoder'}
-    """
+    """Return what a channel usually is, by its name and unit; empty where that may be anything."""
     unit = plain_unit(model.unit(name))
     if name in model.inputs:
         is_command = _has(name, _COMMAND) or unit in _COMMANDS

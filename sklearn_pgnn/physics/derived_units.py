@@ -28,24 +28,12 @@ def flow_unit(content: str) -> str:
 
 
 def rate_unit(unit: str) -> str:
-    """Return the unit of the rate of change per second of a quantity.
-
-    Examples
-    --------
-    >>> rate_unit("m/s"), rate_unit("V"), rate_unit("")
-    ('m/s^2', 'V/s', '1/s')
-    """
+    """Return the unit of the rate of change per second of a quantity."""
     return tidy_unit(f"{unit.strip()}/s")
 
 
 def force_unit(inertia: str, velocity: str) -> str:
-    """Return the unit of an inertia times the rate of a velocity.
-
-    Examples
-    --------
-    >>> force_unit("kg", "m/s"), force_unit("kg*m²", "rad/s"), force_unit("kg", "mm/s")
-    ('N', 'N m', 'kg mm/s^2')
-    """
+    """Return the unit of an inertia times the rate of a velocity."""
     inertia, rate = inertia.strip(), rate_unit(velocity)
     written = inertia.replace("*", " ").replace("²", "^2")
     product = f"{inertia}{rate[1:]}" if inertia and rate.startswith("1/") else f"{inertia} {rate}"
@@ -53,13 +41,7 @@ def force_unit(inertia: str, velocity: str) -> str:
 
 
 def tidy_unit(unit: str) -> str:
-    """Return a unit without the remains of its empty or dimensionless parts.
-
-    Examples
-    --------
-    >>> tidy_unit("N/(m)^3"), tidy_unit("N/()^3"), tidy_unit("/s"), tidy_unit("m/s/s")
-    ('N/m^3', 'N', '1/s', 'm/s^2')
-    """
+    """Return a unit without the remains of its empty or dimensionless parts."""
     unit = re.sub(r"/(1|\(1?\))?(\^\d+)?(?=$|\s)", "", unit.strip())
     unit = re.sub(r"\((\w+)\)", r"\1", unit)
     unit = re.sub(r"/s/s$", "/s^2", unit)

@@ -45,14 +45,7 @@ def sign_symbol(i: int) -> sympy.Symbol:
 
 
 def dry_friction(model: PhysicsModel) -> DryFriction:
-    """Find the flows under dry friction, velocities before differences of them.
-
-    Examples
-    --------
-    >>> rates = {"a": "-F*sign(a - b)", "b": "F*sign(a - b) - F*sign(b) - sign(T)", "T": "-T"}
-    >>> dry_friction(PhysicsModel(dict.fromkeys(rates, ""), rates, {"F": 1.0})).flows
-    (b, a - b)
-    """
+    """Find the flows under dry friction, velocities before differences of them."""
     states = [symbol(name) for name in model.states]
     rates = list(model.equations.values())
     found: dict[tuple[float, ...], list[tuple[sympy.Expr, int]]] = {}

@@ -9,14 +9,7 @@ MAX_TERMS = 2000
 
 
 def expanded(expression: sympy.Expr, **hints: bool) -> sympy.Expr:
-    """Return `sympy.expand` of an expression; the expression itself beyond `MAX_TERMS` terms.
-
-    Examples
-    --------
-    >>> a, b = sympy.symbols("a b")
-    >>> expanded(a * (a + b)), expanded((a + b + 1) ** 99)
-    (a**2 + a*b, (a + b + 1)**99)
-    """
+    """Return `sympy.expand` of an expression; the expression itself beyond `MAX_TERMS` terms."""
     return sympy.expand(expression, **hints) if _work(expression) <= MAX_TERMS else expression
 
 

@@ -91,36 +91,9 @@ def parse_expression(
 ):
     """Turn the text of an equation into a SymPy expression.
 
-    Parameters
-    ----------
-    text : str or number
-        The right-hand side, e.g. ``"(-m*g*a*sin(phi) - d*omega + 4*torque)/J"``.
-    names : collection of str
-        The states, inputs and parameters that may appear; ``t`` (time) and ``pi`` always may.
-    where : str
-        Description of the text that is parsed, for error messages.
-    external : mapping of str to type, default={}
-        Further functions by name, see `sklearn_pgnn.physics.external`.
-    let : mapping of str to sympy.Expr, default={}
-        Names that stand for an expression.
-    longest : int, default=MAX_LENGTH
-        Most characters.
-
-    Returns
-    -------
-    sympy.Expr
-        The expression over real symbols.
-
-    Raises
-    ------
-    ModelError
-        If the text is not an arithmetic expression, or contains a name or a construct that is not
-        allowed.
-
-    Examples
-    --------
-    >>> parse_expression("-k*x/m", ["k", "x", "m"])
-    -k*x/m
+    `names` may appear, and ``t`` (time) and ``pi`` always; `external` are further functions
+    (`sklearn_pgnn.physics.external`), and `let` names that stand for an expression. `where`
+    describes the text in error messages; `longest` is its most characters. The symbols are real.
     """
     text = str(text).strip()
     if len(text) > longest:
@@ -141,30 +114,7 @@ def parse_expression(
 def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"):
     """Return an expression in the form that parsing its own text yields.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        The expression.
-    names : tuple of str
-        The states, inputs and parameters that may appear.
-    where : str
-        Description of the expression, for error messages.
-
-    Returns
-    -------
-    sympy.Expr
-        An expression of the same value; two with the same text are equal.
-
-    Raises
-    ------
-    ModelError
-        If it contains a name or a function that is not allowed in an equation.
-
-    Examples
-    --------
-    >>> x = sympy.Symbol("x")
-    >>> standard_form(x + 1, ("x",)) == symbol("x") + 1
-    True
+    Two expressions with the same text are equal.
     """
     known, held = _by_same_name(names), _held(expression)
     own = tuple(known[name] for name in held if name in known)
@@ -453,19 +403,6 @@ def to_text(expression) -> str:
 
     A call of an external function, which has no equation, is written for display only.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        The expression.
-
-    Returns
-    -------
-    str
-        Its text; floats carry every digit.
-
-    Examples
-    --------
-    >>> to_text(parse_expression("0.1*abs(x)", ["x"]))
-    '0.1*abs(x)'
+    Floats carry every digit.
     """
     return _TextPrinter().doprint(expression)

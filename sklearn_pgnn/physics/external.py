@@ -47,21 +47,9 @@ _FAILURES: dict[str, None] = {}
 class ExternalFunction:
     """A function of numbers that has no equation and computes several results at once.
 
-    Parameters
-    ----------
-    call : callable
-        Takes a tuple of numbers, one per argument, and returns a sequence of numbers, one per
-        result. It must be picklable if the model is to be.
-    name : str
-        Name in the text of equations.
-    arguments : sequence of str
-        Names of the arguments.
-    results : sequence of str
-        Names of the results.
-    n_parameters : int
-        Number of parameters, which are the last arguments.
-    token : str
-        Identifies the function in every process; `external_function` chooses it.
+    `call` takes a tuple of numbers, one per argument, and returns a sequence of numbers, one per
+    result; it must be picklable if the model is to be. The last `n_parameters` of the arguments are
+    parameters. `token` identifies the function in every process; `external_function` chooses it.
     """
 
     def __init__(self, call, name, arguments, results, n_parameters, token):
@@ -102,14 +90,7 @@ def external_function(
     n_parameters: int = 0,
     token: str | None = None,
 ) -> ExternalFunction:
-    """Return a function that equations can call; the same one for the same callable.
-
-    Examples
-    --------
-    >>> square = external_function(lambda point: (point[0] ** 2,), "f", ["x"], ["y"])
-    >>> square.at((3.0,))
-    (9.0,)
-    """
+    """Return a function that equations can call; the same one for the same callable."""
     parts = (name, tuple(arguments), tuple(results), n_parameters, token or _content_of(call))
     key = hashlib.sha256(repr(parts).encode()).hexdigest()
     while key in _FUNCTIONS and _FUNCTIONS[key].call != call:
@@ -258,16 +239,7 @@ class External(sympy.Function):
 def external(
     function: ExternalFunction, result: int, places: tuple[int, ...], by: tuple[int, ...] = ()
 ) -> type[External]:
-    """Return the class of calls of one result of a function.
-
-    Examples
-    --------
-    >>> square = external_function(lambda point: (point[0] ** 2,), "f", ["x"], ["y"])
-    >>> call = external(square, 0, (0,))
-    >>> x = sympy.Symbol("x")
-    >>> call(x), sympy.diff(call(x), x), round(call(x).diff(x).func.number(3.0), 6)
-    (f[y](x), d(f[y])/d(x)(x), 6.0)
-    """
+    """Return the class of calls of one result of a function."""
     return _class(function, result, tuple(places), tuple(by))
 
 
@@ -312,15 +284,7 @@ def calls_outside(text: str) -> bool:
 def external_functions(expressions) -> tuple[ExternalFunction, ...]:
     """Return the external functions that expressions call.
 
-    Parameters
-    ----------
-    expressions : iterable of sympy.Expr
-        The expressions.
-
-    Returns
-    -------
-    tuple of ExternalFunction
-        The functions, each once.
+    Each is there once.
     """
     calls = (call for expression in expressions for call in expression.atoms(External))
     found = dict.fromkeys(call.function for call in calls)
@@ -333,15 +297,7 @@ def at_whole_points(expressions) -> list[sympy.Expr]:
     A call has the arguments that its result depends on. Where those of several results agree, each
     call may take the arguments of all: the function is then evaluated once for all results.
 
-    Parameters
-    ----------
-    expressions : sequence of sympy.Expr
-        The expressions; the result must not be differentiated.
-
-    Returns
-    -------
-    list of sympy.Expr
-        Expressions of the same values.
+    The result must not be differentiated.
 
     Examples
     --------
@@ -376,17 +332,7 @@ def _with_point(call: External, point: dict):
 def require_equations(model, what: str) -> None:
     """Raise `ModelError` if a model calls functions that have no equations.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    what : str
-        The task that needs the equations, for the error message.
-
-    Raises
-    ------
-    ModelError
-        With the functions' names.
+    `what` is the task that needs the equations, for the error message.
     """
     if model.opaque_functions:
         raise ModelError(

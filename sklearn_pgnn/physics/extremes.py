@@ -8,61 +8,19 @@ def maximum(*values) -> sympy.Expr:
 
     SymPy compares every pair by factoring their difference, which takes most of the time of
     a large equation. Here only equal values, and numbers, are merged.
-
-    Parameters
-    ----------
-    *values : sympy.Expr or number
-        The values.
-
-    Returns
-    -------
-    sympy.Expr
-        The largest.
-
-    Examples
-    --------
-    >>> x, y = sympy.symbols("x y", real=True)
-    >>> maximum(x, maximum(y, 1), 2)
-    Max(2, x, y)
     """
     return extreme(sympy.Max, values)
 
 
 def minimum(*values) -> sympy.Expr:
-    """Return the smallest of some values, see `maximum`.
-
-    Parameters
-    ----------
-    *values : sympy.Expr or number
-        The values.
-
-    Returns
-    -------
-    sympy.Expr
-        The smallest.
-
-    Examples
-    --------
-    >>> minimum(sympy.Symbol("x"), sympy.Symbol("x"))
-    x
-    """
+    """Return the smallest of some values, see `maximum`."""
     return extreme(sympy.Min, values)
 
 
 def bounded(value, limit) -> sympy.Expr:
     """Return a value, kept between minus a limit and the limit.
 
-    Parameters
-    ----------
-    value : sympy.Expr
-        The value.
-    limit : sympy.Expr or number
-        The limit, at least 0.
-
-    Returns
-    -------
-    sympy.Expr
-        The value within the limits, see `maximum`.
+    The limit is at least 0; see `maximum`.
 
     Examples
     --------
@@ -75,17 +33,7 @@ def bounded(value, limit) -> sympy.Expr:
 def extreme(kind: type[sympy.Max | sympy.Min], values) -> sympy.Expr:
     """Return the largest or the smallest of some values.
 
-    Parameters
-    ----------
-    kind : sympy.Max or sympy.Min
-        Whether to return the largest or the smallest.
-    values : iterable of sympy.Expr or number
-        The values.
-
-    Returns
-    -------
-    sympy.Expr
-        The value, see `maximum`.
+    See `maximum`.
     """
     flat = [
         part

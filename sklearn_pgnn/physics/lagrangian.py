@@ -178,14 +178,7 @@ def _slope(function: sympy.Expr, by: sympy.Symbol) -> sympy.Expr:
 
 
 def tidy(expression: sympy.Expr) -> sympy.Expr:
-    """Return the shortest form that multiplying out, and the sums of angles, give.
-
-    Examples
-    --------
-    >>> a, b = sympy.symbols("a b")
-    >>> tidy(sympy.cos(a) * sympy.cos(a + b) + sympy.sin(a) * sympy.sin(a + b))
-    cos(b)
-    """
+    """Return the shortest form that multiplying out, and the sums of angles, give."""
     plain = expanded(expression)
     forms = [expression, plain]
     if 0 < max(map(_waves, sympy.Add.make_args(plain))) <= MAX_WAVES:

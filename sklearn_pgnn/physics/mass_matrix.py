@@ -44,15 +44,7 @@ Matrix = tuple[Row, ...]
 def solved_rates(
     inertia: Mapping[str, sympy.Basic], forces: Mapping[str, sympy.Expr]
 ) -> dict[str, sympy.Expr]:
-    r"""Return the rates :math:`M^{-1} F` of the states that have a force.
-
-    Examples
-    --------
-    >>> m, M, F = sympy.symbols("m M F")
-    >>> solved_rates({"v": M, "w1": sympy.Tuple(m, m), "w2": sympy.Tuple(m, M)},
-    ...              {"v": F, "w1": F, "w2": 0})
-    {'v': F/M, 'w1': F*M/(m*(M - m)), 'w2': -F/(M - m)}
-    """
+    """Return the rates :math:`M^{-1} F` of the states that have a force."""
     rates = {}
     for names, matrix in _blocks(inertia):
         if not set(names) <= set(forces):
@@ -66,14 +58,7 @@ def solved_rates(
 
 
 def mobility(inertia: Mapping[str, sympy.Basic]) -> dict[str, dict[str, sympy.Expr]]:
-    r"""Return the columns of :math:`M^{-1}`: what an effort on a state adds to the rates.
-
-    Examples
-    --------
-    >>> m, M = sympy.symbols("m M")
-    >>> mobility({"v": M, "w1": sympy.Tuple(m, m), "w2": sympy.Tuple(m, M)})["w1"]
-    {'w1': M/(m*(M - m)), 'w2': -1/(M - m)}
-    """
+    """Return the columns of :math:`M^{-1}`: what an effort on a state adds to the rates."""
     columns: dict[str, dict[str, sympy.Expr]] = {}
     for names, matrix in _blocks(inertia):
         factors, adjugate = _inverse(matrix)

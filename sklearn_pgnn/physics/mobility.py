@@ -52,12 +52,6 @@ def inverse_masses(
     r"""Return the columns of the inverse of :math:`\partial^2 E/\partial v_i \partial v_j`.
 
     There is none where the energy is not quadratic in the velocities, or too long.
-
-    Examples
-    --------
-    >>> m, v, w = sympy.symbols("m v w")
-    >>> inverse_masses(m * v**2 + (v + w) ** 2, (v, w))[w]
-    {v: -1/(2*m), w: (m + 1)/(2*m)}
     """
     moving = tuple(v for v in velocities if energy.has(v))
     if not 0 < len(moving) <= MOST_VELOCITIES or energy.count_ops() > MOST_OPERATIONS:

@@ -43,36 +43,8 @@ _NULL = "tag:yaml.org,2002:null"
 def read_model(path) -> PhysicsModel:
     """Read a model file.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The YAML file.
-
-    Returns
-    -------
-    PhysicsModel
-        The model.
-
-    Raises
-    ------
-    ModelError
-        If the file is not a valid model: ``FILE:LINE:COLUMN: what``.
-
-    Warns
-    -----
-    ModelWarning
-        If no equation uses a parameter.
-    UnitWarning
-        If the units of an equation are inconsistent, with the term, or a unit is unknown.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     text = write_model(lag, f"{folder}/lag.yaml")
-    ...     read_model(f"{folder}/lag.yaml") == lag
-    True
+    An error says ``FILE:LINE:COLUMN: what``; warnings tell of a parameter that no equation uses,
+    and of units that are inconsistent or unknown.
     """
     return _Reader(os.fspath(path)).model()
 
@@ -80,29 +52,7 @@ def read_model(path) -> PhysicsModel:
 def write_model(model: PhysicsModel, path=None) -> str:
     """Write a model as a model file.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    path : str or path-like, optional
-        File to write; by default none is written. The file is replaced as a whole or not
-        at all.
-
-    Returns
-    -------
-    str
-        The YAML text.
-
-    Examples
-    --------
-    >>> print(write_model(PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})), end="")
-    name: model
-    states: {y: V}
-    outputs: {y: y}
-    parameters:
-      T: {value: 2.0}
-    equations:
-      y: "-y/T"
+    Return the YAML text; a file is replaced as a whole or not at all.
     """
     yaml = YAML(typ="rt")
     yaml.width = 2**31

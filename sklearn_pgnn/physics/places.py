@@ -34,12 +34,6 @@ def places_of(model: PhysicsModel) -> tuple[str, ...]:
 
     The rate of a position is its velocity by definition, and is left out; an input that enters only
     one rate is represented by that rate, and one that enters several as a port does by the port.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> places_of(cart_on_spring())
-    ('v', 'position')
     """
     positions = set(model.kinematic_pairs.values())
     ports = tuple(name for name in model.ports if name not in positions)

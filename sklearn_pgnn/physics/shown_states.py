@@ -19,14 +19,7 @@ def shown_by(model: PhysicsModel, output: str) -> tuple[str, ...]:
 
 
 def shown_states(model: PhysicsModel) -> frozenset[str]:
-    """Return the states that the outputs measure: directly, or as velocity of a measured position.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics import systems
-    >>> sorted(shown_states(systems.golf_robot())), sorted(shown_states(systems.two_tanks()))
-    (['omega', 'phi'], ['x2'])
-    """
+    """Return the states that outputs measure: directly, or as velocity of a measured position."""
     return frozenset(state for output in model.outputs for state in shown_by(model, output))
 
 

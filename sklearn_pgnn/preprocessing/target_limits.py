@@ -16,20 +16,9 @@ from sklearn_pgnn.trajectories.outputs import read_outputs
 def limits_by_targets(model: PhysicsModel, simulated: np.ndarray, y) -> np.ndarray:
     """Return the magnitudes of the outputs beyond which a simulation has diverged.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    simulated : ndarray of shape (n_samples, n_outputs)
-        Outputs simulated in the fit.
-    y : array-like or None
-        Targets of the fit: measured outputs, perhaps in another unit, or something else.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        The limits of the measured outputs, in the larger one of two units; of the simulated ones
-        where y are no outputs of the model.
+    y are measured outputs, perhaps in another unit, or something else. The limits are those of the
+    measured outputs, in the larger one of two units; of the simulated ones where y are no outputs
+    of the model.
 
     Examples
     --------

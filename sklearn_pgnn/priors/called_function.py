@@ -36,16 +36,8 @@ COMPARED = 32
 class NumericFunction:
     """A function of ``(t, x, u, p)`` as one of a tuple of numbers.
 
-    Parameters
-    ----------
-    function : callable
-        The function.
-    parts : tuple of tuple of str
-        Names of states, inputs and parameters.
-    names : tuple of str or None
-        Names of its results, in order; None if it returns them by name.
-    points : tuple of tuple of float
-        Points at which it computes finite numbers.
+    `parts` are names of states, inputs and parameters, and `names` those of its results, in order,
+    None if it returns them by name; `points` are some at which it computes finite numbers.
     """
 
     function: Callable
@@ -108,14 +100,8 @@ def by_name(found, names: Sequence[str] | None) -> dict:
 class Called:
     """The equations that call a function.
 
-    Parameters
-    ----------
-    equations : dict of str to sympy.Expr
-        Equations by result; a rate that is another state, and a constant, are written as such.
-    seconds : float
-        Duration of a call in Python [s].
-    function : ExternalFunction
-        The function that they call.
+    Equations are by result; a rate that is another state, and a constant, are written as such.
+    `seconds` is the duration of a call in Python.
     """
 
     equations: dict[str, sympy.Expr]
@@ -146,31 +132,10 @@ def calling(
 ) -> Called:
     """Return equations that call a function of numbers.
 
-    Parameters
-    ----------
-    call : callable
-        Takes a tuple of numbers, time, states, inputs and parameters, and returns the results; NaN
-        stands for an argument for which any value may be used.
-    what : str
-        Description of its results, for error messages.
-    named : PhysicsModel
-        States, inputs and parameters.
-    results : sequence of str
-        Names of the results, in order.
-    points : sequence of tuple of float
-        Points at which the dependence of each result on the arguments is probed.
-    name : str
-        Name in the equations.
-
-    Returns
-    -------
-    Called
-        The equations.
-
-    Raises
-    ------
-    ModelError
-        If it computes no result at any of the points, or different results in repeated calls.
+    `call` takes a tuple of numbers, time, states, inputs and parameters, and returns the results in
+    order; NaN stands for an argument for which any value may be used. `what` describes the results
+    in error messages, and `name` is that in the equations. The dependence of each result on the
+    arguments is probed at the points.
     """
     before = time.perf_counter()
     known = [(point, found) for point in points if (found := _values(call, point)) is not None]
@@ -198,20 +163,8 @@ def equation_of(function: ExternalFunction, result: int, places: Sequence[int]) 
 def dependences(call, known, n_arguments: int, n_results: int) -> list[list[int]]:
     """Return for every result the arguments that it depends on.
 
-    Parameters
-    ----------
-    call : callable
-        Takes a tuple of numbers and returns a sequence of numbers.
-    known : list of tuple
-        Points with the results there.
-    n_arguments, n_results : int
-        Number of arguments and of results.
-
-    Returns
-    -------
-    list of list of int
-        Indices of the arguments whose omission, or a change of whose value, changes the result
-        at one of the points at least.
+    `known` are points with the results there. The arguments are those whose omission, or a change
+    of whose value, changes the result at one of the points at least.
 
     Examples
     --------

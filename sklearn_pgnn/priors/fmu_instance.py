@@ -29,13 +29,8 @@ class UnitFunction:
 
     It holds the archive and can be pickled; the unit is opened in the process of the first call.
 
-    Parameters
-    ----------
-    archive : bytes
-        The unit's file.
-    inputs, parameters, outputs : tuple of str
-        Names of its variables. The arguments are time and states, then inputs and parameters, each
-        a number, or NaN for the unit's own start value. The results are rates, then outputs.
+    The arguments are time and states, then inputs and parameters, each a number, or NaN for the
+    unit's own start value. The results are rates, then outputs.
     """
 
     archive: bytes
@@ -57,18 +52,7 @@ class UnitFunction:
 
 
 class Unit:
-    """An opened unit, for one call at a time.
-
-    Parameters
-    ----------
-    function : UnitFunction
-        The function that the unit computes.
-
-    Raises
-    ------
-    ModelError
-        If it cannot be started.
-    """
+    """An opened unit, for one call at a time."""
 
     fmu: Any = None
 

@@ -90,11 +90,6 @@ _FUNCTIONS: dict[Callable, Callable] = {
 class Traced(NDArrayOperatorsMixin):
     """A quantity in an equation that is being written.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        Its expression.
-
     Examples
     --------
     >>> x = Traced(symbol("x"))

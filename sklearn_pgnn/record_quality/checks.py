@@ -44,8 +44,6 @@ def check_data_quality(
 ) -> Iterator[Finding]:
     """Yield the faults of the records that limit a diagnosis.
 
-    Notes
-    -----
     Every check of one quantity gives a false alarm in at most one of a thousand faultless sets of
     records.
     """

@@ -12,13 +12,7 @@ from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 
 
 def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | None:
-    """Find samples that are missing from a regular clock.
-
-    Examples
-    --------
-    >>> find_gaps([np.delete(np.arange(50) * 0.1, [20, 21])], ["a"]).value
-    2.0
-    """
+    """Find samples that are missing from a regular clock."""
     missing, first = 0, ""
     for t, record in zip(times, records, strict=True):
         steps, middle = np.diff(t), float(np.median(np.diff(t)))
@@ -43,13 +37,7 @@ def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | 
 
 
 def find_unused_samples(times: Sequence[np.ndarray], used: int) -> Finding | None:
-    """Find that many samples lie between gaps, in pieces too short to be records.
-
-    Examples
-    --------
-    >>> find_unused_samples([np.arange(50.0), np.arange(50.0)], used=90).value
-    10.0
-    """
+    """Find that many samples lie between gaps, in pieces too short to be records."""
     count = sum(t.size for t in times)
     unused = count - used
     if unused < SHARE * count:

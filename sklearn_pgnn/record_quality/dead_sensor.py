@@ -13,14 +13,6 @@ def find_dead_sensor(signal: Signal, residual: Signal) -> Finding | None:
     """Find records in which an output has one value only, and a fitted model clearly others.
 
     A machine at rest is no fault: its model rests, too.
-
-    Examples
-    --------
-    >>> moving, still, t = np.sin(np.arange(50.0)), np.zeros(50), np.arange(50.0)
-    >>> speed = Signal("v", "m/s", [moving, still], [t, t], ["a", "b"])
-    >>> left = Signal("v", "m/s", [still, -moving], [t, t], ["a", "b"])
-    >>> find_dead_sensor(speed, left).text
-    'v has one value only throughout record b (0 m/s), where the model moves'
     """
     still = signal.is_still
     if all(still):

@@ -7,7 +7,7 @@ from sklearn_pgnn.record_quality.signals import Signal
 
 
 def find_quantisation(signal: Signal, left: float = 0.0) -> Finding | None:
-    r"""Find steps of the resolution that are larger than the noise, and than what is left.
+    """Find steps of the resolution that are larger than the noise, and than what is left.
 
     From a noise of half a step on, rounding is like more white noise of variance
     :math:`q^2/12`; below, its error depends on the signal. Where a model leaves more than a step,

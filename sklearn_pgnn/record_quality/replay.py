@@ -18,14 +18,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 class Replay:
     """Inputs at another speed, and what the states would then have been.
 
-    Parameters
-    ----------
-    u : ndarray of shape (n_samples, n_inputs)
-        The inputs.
-    x : ndarray of shape (n_samples, n_states)
-        The states.
-    known : ndarray of bool of shape (n_samples,)
-        Where the inputs had not come to their end.
+    `known` is where the inputs had not come to their end; all have a row per sample.
     """
 
     u: np.ndarray

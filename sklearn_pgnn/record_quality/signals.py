@@ -17,16 +17,7 @@ from sklearn_pgnn.trajectories.noise import finest_differences, noise_level
 class Signal:
     """One measured quantity of all records.
 
-    Parameters
-    ----------
-    name, unit : str
-        What it is called and its unit.
-    pieces : sequence of ndarray of shape (n_samples,)
-        Its values, record by record; NaN where there is none.
-    times : sequence of ndarray of shape (n_samples,)
-        Time [s].
-    records : sequence of str
-        What the records are called.
+    Values, NaN where there is none, and times [s] are by record.
     """
 
     name: str

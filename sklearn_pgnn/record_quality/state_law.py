@@ -31,16 +31,9 @@ REGRESSIONS = {
 class StateLaw:
     """How well a function of some states predicts an input.
 
-    Parameters
-    ----------
-    states : tuple of str
-        The states.
-    regression : str
-        Key of `REGRESSIONS`.
-    lag : int
-        By how many samples the states are earlier than the input.
-    errors : ndarray of shape (n_windows,)
-        Held-out squared error of every window, as a share of the input's power.
+    `regression` is a key of `REGRESSIONS`; `lag` is by how many samples the states are earlier than
+    the input, and `errors` the held-out squared error of every window, as a share of the input's
+    power.
     """
 
     states: tuple[str, ...]
@@ -60,12 +53,7 @@ class StateRegression:
     What is held out are windows. A law saturates where the input has its least and its largest
     value: it is learned between them, and predicts no more.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model: of a state whose sine or cosine it contains, both are features.
-    windows : ShootingWindows
-        The records.
+    Of a state whose sine or cosine the model contains, both are features.
     """
 
     def __init__(self, model: PhysicsModel, windows: ShootingWindows):

@@ -55,14 +55,8 @@ NEAR = 5.0
 class Rewired:
     """A wiring that makes the model follow the records, and those that do it as well.
 
-    Parameters
-    ----------
-    wirings : tuple of Wiring
-        The best, then the others.
-    output : str
-        The output that is told best by it.
-    before, after : float
-        Its error as given and as rewired, in units of the noise.
+    The best wiring comes first; `output` is told best by it, with an error, as given and as
+    rewired, in units of the noise.
     """
 
     wirings: tuple[Wiring, ...]

@@ -34,15 +34,8 @@ PROCESS_NOISE = (0.0, 1e-8, 1e-6, 1e-4, 1e-2)
 class Machine:
     """A simulation that runs along one record.
 
-    Parameters
-    ----------
-    record : Record
-        The record, with outputs.
-    x0 : ndarray of shape (n_states,)
-        Initial state.
-    run : callable
-        ``run(a, b, x)`` returns states and outputs of the samples ``a`` to ``b``, ``b`` included,
-        from the state ``x`` at ``a``.
+    ``run(a, b, x)`` returns states and outputs of the samples ``a`` to ``b``, ``b`` included, from
+    the state ``x`` at ``a``.
     """
 
     record: Record
@@ -52,16 +45,6 @@ class Machine:
 
 def check_steps(steps) -> None:
     """Raise `OptionError` unless predictions can be `steps` samples ahead.
-
-    Parameters
-    ----------
-    steps : int
-        The number.
-
-    Raises
-    ------
-    OptionError
-        If it is not an integer of at least 1.
 
     Examples
     --------
@@ -89,38 +72,10 @@ def model_machine(model: PhysicsModel, record, *, method: str | None = None, **o
 def predict_ahead(machines: list[Machine], steps: int, noise: np.ndarray):
     """Predict states and outputs `steps` samples ahead of the known outputs.
 
-    Parameters
-    ----------
-    machines : list of Machine
-        One per record.
-    steps : int
-        Prediction horizon in samples. The first `steps` rows of a record are the free run's.
-    noise : ndarray of shape (n_outputs,)
-        Standard deviation of the measurement noise, known beforehand: an estimate from the record
-        itself would leak information on later samples.
-
-    Returns
-    -------
-    states : ndarray of shape (n_samples, n_states)
-        In the order of the table's rows.
-    outputs : ndarray of shape (n_samples, n_outputs)
-        In the order of the table's rows.
-
-    Raises
-    ------
-    OptionError
-        If `steps` is not an integer of at least 1.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(50.0), np.ones(50)])
-    >>> y = lag.simulate(X[:, 0], X[:, 1], [3.0], substeps=8).y
-    >>> machines = [model_machine(lag, r, substeps=8) for r in read_records(lag, X, y)]
-    >>> found = predict_ahead(machines, 5, np.array([1e-3]))[1]
-    >>> abs(found - y)[[0, 10, 49]].round(2).ravel().tolist()
-    [3.0, 0.0, 0.0]
+    Return states and outputs of shapes (n_samples, n_states) and (n_samples, n_outputs), in the
+    order of the table's rows; the first `steps` rows of a record are the free run's. The standard
+    deviations `noise` of the measurements are known beforehand: an estimate from the record itself
+    would leak information on later samples.
     """
     check_steps(steps)
     records = tuple(machine.record for machine in machines)
@@ -167,16 +122,8 @@ def _estimate(machine, free, noise, spread, n) -> np.ndarray:
 class _Filter:
     """A filter along one record.
 
-    Parameters
-    ----------
-    machine : Machine
-        The simulation to filter.
-    noise : ndarray of shape (n_outputs,)
-        Variances of the measurement noise.
-    process : ndarray of shape (n_states,)
-        Variances that a step adds.
-    covariance : ndarray of shape (n_states, n_states)
-        Of the initial state.
+    The variances `noise` of the measurements and `process` that a step adds have shapes
+    (n_outputs,) and (n_states,); the covariance is that of the initial state.
     """
 
     def __init__(self, machine: Machine, noise, process, covariance):

@@ -19,32 +19,9 @@ _I1 = types.intp[::1]
 def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
     """Solve damped normal equations within bounds; parameters that nothing depends on stay.
 
-    Parameters
-    ----------
-    hessian : ndarray of shape (n, n)
-        Half the second derivatives of what is minimised.
-    gradient : ndarray of shape (n,)
-        Half its decrease by every parameter.
-    damping : float
-        Levenberg-Marquardt damping; infinite if nothing is to move.
-    low, high : ndarray of shape (n,)
-        Bounds of the step.
-
-    Returns
-    -------
-    ndarray of shape (n,)
-        The step.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the equations are not finite.
-
-    Examples
-    --------
-    >>> far = np.full(2, np.inf)
-    >>> bounded_step(np.eye(2), np.array([1.0, 3.0]), 0.0, -far, np.array([np.inf, 2.0]))
-    array([1., 2.])
+    The Hessian is half the second derivatives of what is minimised, the gradient half its decrease
+    by every parameter; `low` and `high` bound the step. With an infinite Levenberg-Marquardt
+    damping nothing moves. Equations that are not finite raise `numpy.linalg.LinAlgError`.
     """
     step, squares = np.zeros_like(gradient), hessian.diagonal()
     seen = np.flatnonzero(squares > 0)

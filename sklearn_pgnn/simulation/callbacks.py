@@ -57,10 +57,7 @@ def _guarded(function: ExternalFunction) -> Callable:
 def report_calls() -> None:
     """Raise what stopped external functions, and warn of what they raised.
 
-    Warns
-    -----
-    SimulationWarning
-        With the line of the function, once for each.
+    A `SimulationWarning` names the line of each function once.
     """
     if _Stopped.by is not None:
         stopped, _Stopped.by = _Stopped.by, None

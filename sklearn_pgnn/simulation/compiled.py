@@ -42,12 +42,8 @@ MOST = 1024
 class ModelFunction:
     """A model's compiled function, which is in memory as long as this object lives.
 
-    Parameters
-    ----------
-    argument : int or numba function
-        What the time loops call by `call`: the function's address, or itself (`PLAIN_CALLS`).
-    memory : CodeMemory, optional
-        What keeps an address valid.
+    `argument` is what the time loops call by `call`: the function's address, or itself
+    (`PLAIN_CALLS`). `memory` keeps an address valid.
     """
 
     argument: Any

@@ -45,15 +45,7 @@ _WRITTEN = count()
 def key_of(*parts) -> str:
     """Return the name of what depends on some parts, this code and the libraries.
 
-    Parameters
-    ----------
-    *parts : object
-        What is told by its ``repr``, the same in every process.
-
-    Returns
-    -------
-    str
-        Hexadecimal digits.
+    A part is told by its ``repr``, the same in every process.
 
     Examples
     --------

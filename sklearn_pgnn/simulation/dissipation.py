@@ -36,12 +36,7 @@ class Dissipation:
     The network's outputs are the entries of a lower triangle, row by row; with 1 added to those of
     the diagonal they are `root` times L.
 
-    Parameters
-    ----------
-    states : tuple of str
-        The states.
-    root : ndarray of shape (n_lossy,)
-        What every row of L is measured in.
+    `root`, of shape (n_lossy,), is what every row of L is measured in.
     """
 
     states: tuple[str, ...]

@@ -44,12 +44,7 @@ RUNS = 30
 class Disturbance(NamedTuple):
     """A hidden input.
 
-    Parameters
-    ----------
-    variance : float
-        Its variance [unit of the channel squared].
-    time : float
-        The time [s] in which it changes.
+    The variance is in the unit of the channel squared; `time` [s] is that in which it changes.
     """
 
     variance: float
@@ -60,23 +55,12 @@ class Disturbance(NamedTuple):
 class LinearWindows:
     """Windows, linearised near their states.
 
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The windows.
-    F : ndarray of shape (n_samples, n_states + 1, n_states + 1)
-        Transitions over the sample intervals, the hidden input last.
-    H : ndarray of shape (n_samples, n_outputs, n_states + 1)
-        Derivatives of the outputs.
-    columns : ndarray of shape (n_samples, n_outputs, n_columns)
-        The residuals' derivatives by parameters, if any, and the residuals; NaN where there is
-        none.
-    mean : ndarray of shape (n_windows, n_states)
-        Expected initial states minus those of the windows.
-    covariance : ndarray of shape (n_windows, n_states, n_states)
-        Their uncertainty.
-    variance : ndarray of shape (n_outputs,)
-        Noise variances of the outputs.
+    `F`, of shape (n_samples, n_states + 1, n_states + 1), are the transitions over the sample
+    intervals, the hidden input last; `H`, (n_samples, n_outputs, n_states + 1), the derivatives of
+    the outputs; `columns`, (n_samples, n_outputs, n_columns), the residuals' derivatives by
+    parameters, if any, and the residuals, NaN where there is none. `mean`, (n_windows, n_states),
+    is the expected initial states minus those of the windows, and `covariance`, (n_windows,
+    n_states, n_states), their uncertainty; `variance`, (n_outputs,), is that of the outputs' noise.
     """
 
     windows: ShootingWindows
@@ -90,15 +74,7 @@ class LinearWindows:
     def select(self, which) -> "LinearWindows":
         """Return some of the windows.
 
-        Parameters
-        ----------
-        which : ndarray of bool or int
-            The windows to keep.
-
-        Returns
-        -------
-        LinearWindows
-            The same records with fewer windows.
+        `which` is a mask or indices.
         """
         return replace(
             self,
@@ -111,14 +87,9 @@ class LinearWindows:
 class Innovations(NamedTuple):
     """Innovations: the part of the residuals that earlier samples do not predict.
 
-    Parameters
-    ----------
-    gram : ndarray of shape (n_windows, n_columns, n_columns)
-        Products of the columns' innovations, in units of their standard deviations.
-    log_variance : float
-        Sum of the logarithms of the variances.
-    n : int
-        Number of residuals.
+    `gram`, of shape (n_windows, n_columns, n_columns), has the products of the columns'
+    innovations, in units of their standard deviations; `log_variance` is the sum of the logarithms
+    of the variances, and `n` the number of residuals.
     """
 
     gram: np.ndarray
@@ -140,22 +111,7 @@ class Innovations(NamedTuple):
 
 
 def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
-    """Filter the residuals of windows, and their derivatives.
-
-    Examples
-    --------
-    A random walk that is measured without noise has its steps as innovations.
-
-    >>> t, walk = np.arange(4.0), np.array([0.0, 1.0, 3.0, 2.0])
-    >>> one = np.array([0]), np.array([4]), np.array([1e-9])
-    >>> windows = ShootingWindows(t, t[:, None], walk[:, None], np.array([0, 4]), *one)
-    >>> F, H = np.ones((4, 1, 1)), np.ones((4, 1, 1))
-    >>> known = np.zeros((1, 0)), np.zeros((1, 0, 0))
-    >>> linear = LinearWindows(windows, F, H, walk[:, None, None], *known, np.array([1e-18]))
-    >>> found = innovations(linear, Disturbance(variance=1e6, time=2e6))
-    >>> found.gram.round(3).tolist(), found.n
-    ([[[6.0]]], 4)
-    """
+    """Filter the residuals of windows, and their derivatives."""
     windows = linear.windows
     gaps = np.diff(windows.t, append=windows.t[-1])
     kept = np.exp(-np.maximum(gaps, 0.0) / disturbance.time)

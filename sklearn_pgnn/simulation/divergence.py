@@ -21,13 +21,7 @@ REMEDY = (
 
 
 def limits_of(y: np.ndarray) -> np.ndarray:
-    """Return the magnitudes of outputs beyond which a simulation has diverged.
-
-    Examples
-    --------
-    >>> limits_of(np.array([[1.0, 0.0, np.nan], [-2.0, 0.0, np.nan]])).tolist()
-    [2000.0, inf, inf]
-    """
+    """Return the magnitudes of outputs beyond which a simulation has diverged."""
     sizes = [np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in y.T]
     largest = np.array(sizes)
     return np.where(largest > 0, RUNAWAY * largest, np.inf)
@@ -35,22 +29,6 @@ def limits_of(y: np.ndarray) -> np.ndarray:
 
 def what_is_beyond(model: PhysicsModel, run: Simulation, limits, remedy: str = REMEDY) -> str:
     """Return where the outputs of a free run leave their limits; empty if they do not.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    run : Simulation
-        The run.
-    limits : ndarray of shape (n_outputs,)
-        See `limits_of`.
-    remedy : str, default=REMEDY
-        What may help.
-
-    Returns
-    -------
-    str
-        What happened and the remedy.
 
     Examples
     --------
@@ -73,19 +51,7 @@ def what_is_beyond(model: PhysicsModel, run: Simulation, limits, remedy: str = R
 def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
     """Return why a free run cannot be used for training; empty if it can.
 
-    Parameters
-    ----------
-    run : Simulation
-        The run.
-    values : ndarray of shape (n_samples, n_names)
-        The quantities taken from it.
-    names : sequence of str
-        Its names.
-
-    Returns
-    -------
-    str
-        What happened and the remedy.
+    `values` are the quantities taken from it, of shape (n_samples, n_names).
 
     Examples
     --------

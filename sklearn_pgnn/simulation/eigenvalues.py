@@ -40,21 +40,12 @@ def _rotate(matrix, vectors, p, q):
 
 @njit(**APART)
 def diagonalise(matrix, vectors):
-    r"""Diagonalise a symmetric matrix in place by Jacobi's rotations.
+    """Diagonalise a symmetric matrix in place by Jacobi's rotations.
 
     With the eigenvectors in the columns of :math:`V`, the matrix becomes :math:`V^T A V`.
 
-    Parameters
-    ----------
-    matrix : ndarray of shape (n, n)
-        The matrix :math:`A`; its diagonal becomes the eigenvalues, in no order.
-    vectors : ndarray of shape (n, n)
-        Filled with :math:`V`.
-
-    Returns
-    -------
-    float
-        The largest eigenvalue; zero if all are negative.
+    The matrix is :math:`A`; its diagonal becomes the eigenvalues, in no order, and `vectors` is
+    filled with :math:`V`. The largest eigenvalue is returned, zero if all are negative.
     """
     n = matrix.shape[0]
     for i in range(n):

@@ -53,13 +53,6 @@ def fastest(model: PhysicsModel, t, acting, X, usual: float, enough: float = 0.0
 
     A growth is no reason for stable steps, and does not count. Where ``enough`` is given, all
     count, and a bound is returned where that is not above it.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 0.02}, {"u": "V"})
-    >>> run = lag.simulate([0.0, 0.1, 0.2], np.ones(3), substeps=20)
-    >>> round(fastest(lag, run.t, np.ones((3, 1)), run.x, np.inf), 4)
-    5.0
     """
     count = t.size - 1
     rows = np.linspace(0, count - 1, min(count, SOME)).astype(int)

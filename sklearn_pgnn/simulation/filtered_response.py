@@ -37,14 +37,8 @@ _F2, _F3, _I1 = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[::1
 class Starts(NamedTuple):
     """Where windows begin.
 
-    Parameters
-    ----------
-    x0 : ndarray of shape (n_windows, n_states)
-        The initial states of their simulations.
-    mean : ndarray of shape (n_windows, n_states)
-        Expected initial states minus those.
-    covariance : ndarray of shape (n_windows, n_states, n_states)
-        Their uncertainty.
+    `x0` are the initial states of their simulations, `mean` the expected ones minus those, of shape
+    (n_windows, n_states), and `covariance`, (n_windows, n_states, n_states), their uncertainty.
     """
 
     x0: np.ndarray

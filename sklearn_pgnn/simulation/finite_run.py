@@ -26,29 +26,8 @@ def quantities_of(model: PhysicsModel) -> list[str]:
 class FreeRuns:
     """How a fitted estimator simulates: as accurately as its fit, and not larger by far.
 
-    Parameters
-    ----------
-    interval : float
-        Sample interval of the fit [s].
-    substeps : int
-        Integration steps that it takes.
-    limits : ndarray of shape (n_outputs,)
-        Magnitude of the outputs beyond which a simulation has diverged.
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-    method : {"rk4", "euler", "rosenbrock"}, default="rk4"
-        Scheme of a step.
-    remedy : str, default=REMEDY
-        What may help against a divergence.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> records = read_records(lag, [[0.0, 1.0], [1.0, 1.0], [8.0, 1.0]])
-    >>> runs = FreeRuns(1.0, 1, np.array([np.inf]), "zoh")
-    >>> runs.options(records[0])["substeps"], runs.simulate(lag, records, ["y"])[2].round(2)
-    (4, array([0.98]))
+    The interval [s] and the substeps are those of the fit; outputs of a magnitude beyond `limits`,
+    of shape (n_outputs,), have diverged, and `remedy` is what may help.
     """
 
     interval: float
@@ -79,20 +58,9 @@ class FreeRuns:
     def simulate(self, model: PhysicsModel, records, names: Sequence[str]) -> np.ndarray:
         """Simulate every record in free run; of one that diverges the first row is repeated.
 
-        Parameters
-        ----------
-        model : PhysicsModel
-            The model.
-        records : sequence of Record
-            Time, inputs and initial states.
-        names : sequence of str
-            States and outputs to return.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_names)
-            Finite numbers in the order of the table's rows. One `SimulationWarning` tells of the
-            trajectories that diverge.
+        Return finite numbers of shape (n_samples, n_names), for states and outputs by `names`, in
+        the order of the table's rows. One `SimulationWarning` tells of the trajectories that
+        diverge.
         """
         found, wrong = [], {}
         for record in records:
@@ -114,17 +82,7 @@ class FreeRuns:
 
 
 def simulate_quantities(model: PhysicsModel, records, names) -> np.ndarray:
-    """Simulate every record in free run, as the model's `simulation` says.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> said = {"simulation": {"substeps": 4}}
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"}, **said)
-    >>> records = read_records(lag, [[0.0, 1.0], [1.0, 1.0]])
-    >>> simulate_quantities(lag, records, ["y"]).round(4).ravel().tolist()
-    [0.0, 0.3935]
-    """
+    """Simulate every record in free run, as the model's `simulation` says."""
     limits, steps = np.full(len(model.outputs), np.inf), steps_for(model, records)
     runs = FreeRuns(np.inf, steps.substeps, limits, hold_of(model), steps.method)
     return runs.simulate(model, records, names)

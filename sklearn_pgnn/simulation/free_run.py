@@ -44,14 +44,6 @@ def steps_for(
     """Return how to step through records: as given, else as in the model, else as accuracy needs.
 
     Where only the number of steps is given, they are linearly implicit if others are not stable.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> records = read_records(lag, [[0.0, 1.0], [4.0, 1.0], [8.0, 1.0]])
-    >>> steps_for(lag, records), steps_for(lag, records, 3)
-    (Steps(method='rk4', substeps=4), Steps(method='rk4', substeps=3))
     """
     hold = hold_of(model, hold)
     said = {**model.simulation, **({"method": method} if method else {})}

@@ -41,16 +41,10 @@ EXPONENTS = (-9.0, 4.0)
 class HiddenInput:
     """The estimated hidden input of a channel of a model.
 
-    Parameters
-    ----------
-    channel : str
-        The port whose effort it is added to, the state whose rate, or the input or output.
-    values : ndarray of shape (n_samples,)
-        Its smoothed time series, see `sklearn_pgnn.physics.places.unit_at`.
-    errors : ndarray of shape (n_samples,)
-        Standard errors of the values.
-    states : ndarray of shape (n_samples, n_states)
-        The model's states, smoothed with it.
+    The channel is the port whose effort it is added to, the state whose rate, or the input or
+    output. `values`, for whose unit see `sklearn_pgnn.physics.places.unit_at`, and their standard
+    `errors` have shape (n_samples,), the model's `states`, smoothed with them, (n_samples,
+    n_states).
     """
 
     channel: str

@@ -14,21 +14,9 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def delayed_inputs(model: PhysicsModel, t, u, linear_hold: bool = False):
     """Shift the late inputs and append their derivatives by the delay.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model, whose `delays` and parameter values count.
-    t : ndarray of shape (n_samples,)
-        Time [s], increasing.
-    u : ndarray of shape (n_samples, n_inputs)
-        Inputs as commanded.
-    linear_hold : bool, default=False
-        Whether the inputs are interpolated linearly between samples instead of being held.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_inputs + n_delays)
-        Inputs as they act, then for every late one its derivative by the delay.
+    Return inputs as they act, then for every late one its derivative by the delay, of shape
+    (n_samples, n_inputs + n_delays). The model's `delays` and parameter values count; `linear_hold`
+    is whether the inputs are interpolated linearly between samples instead of being held.
     """
     if not model.delays:
         return u
@@ -44,21 +32,9 @@ def delayed_inputs(model: PhysicsModel, t, u, linear_hold: bool = False):
 def mean_inputs(t, u, kept, bounds):
     """Average held inputs from every kept sample to the next.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s] of records, one after the other.
-    u : ndarray of shape (n_samples, n_inputs)
-        Inputs.
-    kept : ndarray of int
-        The samples that stay, the first of every record among them.
-    bounds : ndarray of shape (n_records + 1,)
-        Where each record begins, and the end.
-
-    Returns
-    -------
-    ndarray of shape (n_kept, n_inputs)
-        The means.
+    `kept` are the samples that stay, the first of every record among them, and `bounds`, of shape
+    (n_records + 1,), is where each record begins, and the end. The means have shape (n_kept,
+    n_inputs).
     """
     width = np.diff(t, append=t[-1:])
     last = np.asarray(bounds)[1:] - 1

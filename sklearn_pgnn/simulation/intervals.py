@@ -21,15 +21,7 @@ FINEST = 10**6
 def check_coverage(coverage) -> float:
     """Return a coverage; raise `OptionError` unless it is a share between 0 and 1.
 
-    Parameters
-    ----------
-    coverage : float
-        Share of the measurements that should lie in the interval.
-
-    Returns
-    -------
-    float
-        The coverage.
+    It is the share of the measurements that should lie in the interval.
 
     Examples
     --------
@@ -42,7 +34,7 @@ def check_coverage(coverage) -> float:
 
 
 def warn_of_few_records(coverage: float, n_records: int) -> None:
-    r"""Warn of a coverage that errors on so few records cannot guarantee.
+    """Warn of a coverage that errors on so few records cannot guarantee.
 
     Of :math:`n + 1` exchangeable records each is as likely as any other to have the largest error.
     The one to be predicted exceeds all :math:`n` others with the probability :math:`1/(n + 1)`:
@@ -105,21 +97,8 @@ def output_variance(
     .. math:: \sigma_k^2 = \frac{\partial \hat y_k}{\partial p} C
               \left(\frac{\partial \hat y_k}{\partial p}\right)^T
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The fitted model.
-    record : Record
-        Time, inputs and initial state.
-    names : tuple of str
-        The parameters.
-    covariance : ndarray of shape (n_names, n_names)
-        Their covariance :math:`C`.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_outputs)
-        The variance; infinite where the simulation becomes non-finite.
+    The variance has shape (n_samples, n_outputs), and is infinite where the simulation becomes
+    non-finite.
 
     Examples
     --------

@@ -31,18 +31,11 @@ REMEMBERED = 1e-9
 class Lead:
     """The led states at the starts of the records and of the windows.
 
-    Parameters
-    ----------
-    states : list of int
-        Indices of the led states among the model's.
-    numbers : list of int
-        Indices, among the parameters that are differentiated by, of those in their rates.
-    start : ndarray of shape (n_windows, n_led)
-        The states at the start of every window's record.
-    reached : ndarray of shape (n_windows, n_led)
-        The states at the start of every window that result.
-    slopes : ndarray of shape (n_windows, n_led, n_numbers + n_led)
-        Its derivatives by the parameters, then by the start.
+    `states` are their indices among the model's, and `numbers` the indices, among the parameters
+    that are differentiated by, of those in their rates. `start` are the states at the start of
+    every window's record, and `reached` those at the start of every window, of shape (n_windows,
+    n_led); `slopes`, (n_windows, n_led, n_numbers + n_led), are the derivatives of the latter by
+    the parameters, then by the start.
     """
 
     states: list[int]

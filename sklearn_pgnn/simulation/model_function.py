@@ -64,16 +64,8 @@ ARRAYS = ("x", "S", "u", "u_end", "p", "s", "stuck", "out")
 def emit_model_function(builder, source: Source, method: str, arguments) -> None:
     """Emit a model's function.
 
-    Parameters
-    ----------
-    builder : ir.IRBuilder
-        Where to emit.
-    source : Source
-        The model's source.
-    method : {"rk4", "euler", "rosenbrock"}
-        Scheme of a step.
-    arguments : sequence of ir.Value
-        The values of ``task, t, h``, and pointers to the data of `ARRAYS`.
+    The scheme is ``"rk4"``, ``"euler"`` or ``"rosenbrock"``; `arguments` are the values of ``task,
+    t, h``, and pointers to the data of `ARRAYS`.
     """
     (task, t, h), pointers = arguments[:3], arguments[3:]
     arrays = dict(zip(ARRAYS, pointers, strict=True))

@@ -32,16 +32,9 @@ _NUMBERS = types.CPointer(types.float64)
 class Native:
     """What has become of a function in numba's hands.
 
-    Parameters
-    ----------
-    address : int
-        Of a C function of the addresses of arguments and results; 0 where there is none.
-    why_not : str
-        Why there is none.
-    compiled : object
-        What keeps the machine code alive.
-    never_fails : bool
-        Whether its numbers, NaN among them, are all there is to know.
+    `address` is that of a C function of the addresses of arguments and results; it is 0 where there
+    is none, and `why_not` says why. `compiled` keeps the machine code alive. One that `never_fails`
+    gives numbers, NaN among them, that are all there is to know.
     """
 
     address: int = 0

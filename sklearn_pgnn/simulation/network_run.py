@@ -41,44 +41,21 @@ ACTIVATIONS = ("tanh", "relu", "silu", "sigmoid", "identity")
 class NetworkStep:
     """The definition of a network's step, besides its weights.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Names the states; gives the step of base and guide.
-    base : {"constant", "state", "prior"}
-        What the network's output is added to.
-    guide : {None, "simulation", "step", "terms"}
-        What the network sees of the model.
-    offset : ndarray of shape (n_states,)
-        The constant base.
-    gain : ndarray of shape (3, n_states, n_network_outputs)
-        The matrices that multiply 1, the step [s] and its square.
-    mean, scale : ndarray of shape (n_network_inputs,)
-        Mean and scale of the features, for their standardisation.
-    reach : ndarray of shape (2, n_states)
-        States below the first or above the second row count as diverged.
-    sizes : tuple of int
-        Width of every layer, from the features to the outputs.
-    core : {"feed-forward", "recurrent"}
-        Kind of the network.
-    activation : str
-        Activation of the hidden layers.
-    substeps : int
-        Integration steps of the model from sample to sample.
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-    spread : ndarray of shape (n_states,), optional
-        Standard deviations of the states, for the terms that guide; by default from `scale`.
-    guide_model : PhysicsModel, optional
-        The model whose terms guide; by default `model`, unless that was tuned since.
-    free : tuple of str
-        Parameters of the model whose relative changes follow the weights.
-    middle : bool
-        Whether the network sees the state in the middle of the model's own step, not at its start:
-        its contribution is then accurate to second order in the step.
-    loss : Dissipation, optional
-        The states that the network takes energy out of, at the end of the model's own step, instead
-        of adding its output to them.
+    The network's output is added to the base, ``"constant"``, ``"state"`` or ``"prior"``; what the
+    network sees of the model is its guide, None, ``"simulation"``, ``"step"`` or ``"terms"``.
+    `offset`, of shape (n_states,), is the constant base; `gain`, (3, n_states, n_network_outputs),
+    are the matrices that multiply 1, the step [s] and its square; `mean` and `scale`,
+    (n_network_inputs,), standardise the features; states below the first or above the second row of
+    `reach`, (2, n_states), count as diverged. `sizes` are the widths of all layers, from the
+    features to the outputs.
+
+    `spread`, of shape (n_states,), are the states' standard deviations for the terms that guide, by
+    default from `scale`. These are the terms of `guide_model`, by default `model`, unless that was
+    tuned since. `free` names parameters of the model whose relative changes follow the weights.
+    With `middle` the network sees the state in the middle of the model's own step, not at its
+    start: its contribution is then accurate to second order in the step. With `loss` it takes
+    energy out of some states, at the end of the model's own step, instead of adding its output to
+    them.
     """
 
     model: PhysicsModel
@@ -130,20 +107,11 @@ class NetworkStep:
 class NetworkRecord:
     """One trajectory as the network's loop needs it.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    acting : ndarray of shape (n_samples, n_inputs + n_delays)
-        Inputs as they act on the model.
-    u : ndarray of shape (n_samples, n_inputs)
-        Inputs as the network sees them, from each sample to the next.
-    simulated : ndarray of shape (n_samples, n_states)
-        The model's open-loop simulation; no column where the network is not guided by it.
-    features : ndarray of shape (n_samples, n_features)
-        Further columns.
-    x0 : ndarray of shape (n_states,)
-        Initial state.
+    `acting`, of shape (n_samples, n_inputs + n_delays), are the inputs as they act on the model,
+    `u`, (n_samples, n_inputs), as the network sees them, from each sample to the next. `simulated`,
+    (n_samples, n_states), is the model's open-loop simulation, without columns where the network is
+    not guided by it; `features`, (n_samples, n_features), are further columns. Times are in
+    seconds.
     """
 
     t: np.ndarray
@@ -163,27 +131,8 @@ class NetworkRecord:
 def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None, features=None):
     """Prepare a trajectory for the network's loop.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    u : ndarray of shape (n_samples, n_inputs)
-        Inputs.
-    x0 : ndarray of shape (n_states,)
-        Initial state.
-    hold : {"zoh", "foh"}, default="zoh"
-        How the inputs vary between two samples.
-    simulated : ndarray of shape (n_samples, n_states), optional
-        Open-loop simulation that guides the network.
-    features : ndarray of shape (n_samples, n_features), optional
-        Further columns the network sees.
-
-    Returns
-    -------
-    NetworkRecord
-        The trajectory.
+    `simulated`, of shape (n_samples, n_states), is an open-loop simulation that guides the network;
+    `features`, (n_samples, n_features), are further columns that it sees.
     """
     n = t.size
     acting = _own(delayed_inputs(model, t, u, hold == "foh"))
@@ -204,23 +153,10 @@ def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None,
 def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hidden=None):
     """Run a network in free run along a trajectory.
 
-    Parameters
-    ----------
-    step : NetworkStep
-        Definition of the network's step.
-    theta : ndarray of shape (n_weights + n_free,)
-        The network's weights, and the relative changes of the step's free parameters.
-    record : NetworkRecord
-        The trajectory.
-    hidden : ndarray of shape (n_hidden,), optional
-        State of a recurrent core, changed in place; by default zeros that are forgotten.
-
-    Returns
-    -------
-    x : ndarray of shape (n_samples, n_states)
-        The states; once they leave the reach, the last ones within it are repeated.
-    failed : int
-        The first sample out of reach, -1 if there is none.
+    `theta` are the network's weights, then the relative changes of the step's free parameters.
+    `hidden`, the state of a recurrent core, is changed in place; by default it is zeros that are
+    forgotten. Return the states, of shape (n_samples, n_states), the last ones within reach being
+    repeated once they leave it, and the first sample out of reach, -1 if there is none.
     """
     return FreeRun(step, theta)(record, hidden)
 
@@ -228,12 +164,7 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
 class FreeRun:
     """A network in free run, prepared once for many trajectories.
 
-    Parameters
-    ----------
-    step : NetworkStep
-        Definition of the network's step.
-    theta : ndarray of shape (n_weights + n_free,)
-        The network's weights, and the relative changes of the step's free parameters.
+    `theta` are the network's weights, then the relative changes of the step's free parameters.
     """
 
     def __init__(self, step: NetworkStep, theta: np.ndarray):
@@ -253,14 +184,8 @@ class FreeRun:
 class NetworkSensitivities:
     """States of a network in free run and their derivatives by its weights, piece after piece.
 
-    Parameters
-    ----------
-    step : NetworkStep
-        Definition of the network's step; its core is feed-forward.
-    theta : ndarray of shape (n_weights + n_free,)
-        The network's weights, and the relative changes of the step's free parameters.
-    record : NetworkRecord
-        The trajectory.
+    `theta` are the weights of a feed-forward core, then the relative changes of the step's free
+    parameters.
     """
 
     def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
@@ -274,21 +199,10 @@ class NetworkSensitivities:
     def pieces(self, samples, length: int = 512):
         """Run on, piece by piece; each begins with the last sample of the one before.
 
-        Parameters
-        ----------
-        samples : ndarray of int
-            Where the states are wanted, in increasing order.
-        length : int, default=512
-            Samples per piece, not counting that first one.
-
-        Yields
-        ------
-        samples : ndarray of int
-            The samples of the piece.
-        x : ndarray of shape (n, n_states)
-            The states; infinite once they have left the reach.
-        S : ndarray of shape (n, n_states, n_weights + n_free)
-            Their derivatives by the weights and the changes.
+        The states are wanted at `samples`, in increasing order; `length` is samples per piece, not
+        counting that first one. Yield a piece's samples, its states, infinite once they have left
+        the reach, and their derivatives by the weights and the changes, of shape (n, n_states,
+        n_weights + n_free).
         """
         nx, n_weights = self._S.shape
         for start in range(0, max(1, len(samples) - 1), length):
@@ -308,29 +222,10 @@ def parameter_units(model: PhysicsModel, names: tuple[str, ...]) -> np.ndarray:
 def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_next, free=()):
     """Simulate many samples of a model by one step each, with the derivatives.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    substeps : int
-        Integration steps from sample to sample.
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-    t, dt : ndarray of shape (n_samples,)
-        Time and step [s].
-    x : ndarray of shape (n_samples, n_states)
-        States.
-    u, u_next : ndarray of shape (n_samples, n_inputs + n_delays)
-        Inputs as they act at the beginning and at the end of the step.
-    free : tuple of str
-        Parameters to differentiate by, besides the states.
-
-    Returns
-    -------
-    x_next : ndarray of shape (n_samples, n_states)
-        States one step later.
-    jacobian : ndarray of shape (n_samples, n_states, n_free + n_states)
-        Their derivatives by the parameters and the states.
+    `u` and `u_next` are the inputs as they act at the beginning and at the end of the step, of
+    shape (n_samples, n_inputs + n_delays). Return the states one step later, of shape (n_samples,
+    n_states), and their derivatives by the parameters `free`, then by the states, (n_samples,
+    n_states, n_free + n_states).
     """
     function, source = compile_model(model, free)
     x_next = np.array(x, dtype=float, order="C")
@@ -354,25 +249,9 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
 def term_values(model: PhysicsModel, t, x, u, spread):
     """Evaluate the terms of a model's rates, with their derivatives by the state.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    x : ndarray of shape (n_samples, n_states)
-        States.
-    u : ndarray of shape (n_samples, n_inputs + n_delays)
-        Inputs as they act.
-    spread : ndarray of shape (n_states,)
-        Standard deviations of the states.
-
-    Returns
-    -------
-    values : ndarray of shape (n_samples, n_terms)
-        All terms besides the states and inputs themselves.
-    jacobian : ndarray of shape (n_samples, n_terms, n_states)
-        Their derivatives.
+    `u` are the inputs as they act, `spread` the standard deviations of the states. Return all terms
+    besides the states and inputs themselves, of shape (n_samples, n_terms), and their derivatives,
+    (n_samples, n_terms, n_states).
     """
     with_terms = _with_terms(model, tuple(float(value) for value in spread))
     return _output_values(with_terms, len(_seen_terms(model)), t, x, u)
@@ -381,25 +260,8 @@ def term_values(model: PhysicsModel, t, x, u, spread):
 def energy_values(model: PhysicsModel, states: tuple[str, ...], t, x, u):
     """Evaluate the slopes and the Hessian of the stored energy, with their derivatives.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        A model whose stored energy is known.
-    states : tuple of str
-        The states to differentiate by.
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    x : ndarray of shape (n_samples, n_states)
-        States.
-    u : ndarray of shape (n_samples, n_inputs + n_delays)
-        Inputs as they act.
-
-    Returns
-    -------
-    values : ndarray of shape (n_samples, n_lossy + n_lossy**2)
-        The slopes, and the Hessian row by row.
-    jacobian : ndarray of shape (n_samples, n_lossy + n_lossy**2, n_states)
-        Their derivatives by all states.
+    Return the slopes by some states, then the Hessian row by row, of shape (n_samples, n_lossy +
+    n_lossy**2), and their derivatives by all states. `u` are the inputs as they act.
     """
     return _output_values(energy_model(model, states), len(states) * (1 + len(states)), t, x, u)
 

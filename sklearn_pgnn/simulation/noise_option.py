@@ -10,22 +10,7 @@ from sklearn_pgnn.exceptions import OptionError
 def read_noise_std(noise_std, outputs: Sequence[str]) -> np.ndarray | None:
     """Return the given noise, one number per output, or raise `OptionError`.
 
-    Parameters
-    ----------
-    noise_std : array-like of shape (n_outputs,), float or None
-        Standard deviation of every output's noise; a single number is taken for one output only.
-    outputs : sequence of str
-        The model's outputs.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,) or None
-        The standard deviations; None if none are given.
-
-    Raises
-    ------
-    OptionError
-        If there is not one finite number above 0 for every output.
+    A single number is taken for one output only; None is returned if none are given.
 
     Examples
     --------

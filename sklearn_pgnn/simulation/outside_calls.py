@@ -20,13 +20,7 @@ CALL = ir.FunctionType(ir.VoidType(), [NUMBERS, NUMBERS]).as_pointer()
 
 
 class OutsideCalls:
-    """The calls among the instructions of one evaluation of a model's function.
-
-    Parameters
-    ----------
-    builder : ir.IRBuilder
-        Where to emit.
-    """
+    """The calls among the instructions of one evaluation of a model's function."""
 
     def __init__(self, builder):
         self.builder = builder
@@ -37,17 +31,8 @@ class OutsideCalls:
     def number(self, made: type[External], values):
         """Emit a result of a function, or a slope of it.
 
-        Parameters
-        ----------
-        made : type
-            What is called, see `sklearn_pgnn.physics.external.external`.
-        values : sequence of ir.Value
-            The arguments.
-
-        Returns
-        -------
-        ir.Value
-            The number; NaN where an argument is not finite.
+        `made` is what is called, see `sklearn_pgnn.physics.external.external`. The number is NaN
+        where an argument is not finite.
         """
         return self._slope(made, list(values), made.by)
 

@@ -22,17 +22,7 @@ _FUNCTIONS = {
 def numpy_function(names, expression):
     """Write an expression, or a list of them, as a NumPy function of quantities by name.
 
-    Parameters
-    ----------
-    names : iterable of str
-        The quantities, in the order of the arguments.
-    expression : sympy.Expr or list of sympy.Expr
-        What to evaluate.
-
-    Returns
-    -------
-    callable
-        The function.
+    The names are in the order of the arguments.
 
     Examples
     --------
@@ -45,19 +35,7 @@ def numpy_function(names, expression):
 def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: int) -> np.ndarray:
     """Evaluate an expression at every sample.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        What to evaluate.
-    table : mapping of str to ndarray or float
-        Values of the quantities by name.
-    size : int
-        Number of samples.
-
-    Returns
-    -------
-    ndarray of shape (size,)
-        The values; not finite where the expression is not.
+    The values are not finite where the expression is not.
     """
     names = tuple(sorted(map(str, expression.free_symbols)))
     # SymPy's conditions do not mix numbers and arrays

@@ -54,18 +54,9 @@ JITTER = 1e-6
 class WindowedRecords:
     """Records cut into windows.
 
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The windows, with the noise of every output.
-    states : StateEstimator
-        Estimates their initial states.
-    period : float
-        Dominant period of the outputs [s].
-    told : ndarray of shape (n_windows, n_states), optional
-        Initial states that are known and not to be fitted, NaN where not.
-    steps_are_told : bool, default=False
-        Whether the user or the model says how many integration steps are made.
+    `period` is the dominant one of the outputs [s]. `told`, of shape (n_windows, n_states), are
+    initial states that are known and not to be fitted, NaN where not. `steps_are_told` is whether
+    the user or the model says how many integration steps are made.
     """
 
     windows: ShootingWindows
@@ -86,14 +77,7 @@ def window_records(
     threads: int = 1,
     levels: np.ndarray | None = None,
 ) -> WindowedRecords:
-    """Cut records into windows and get ready to estimate their initial states.
-
-    Raises
-    ------
-    OptionError
-        If `window_length` is no length, or shorter than `MIN_SAMPLES` samples, or `noise_std` is
-        not one number above 0 for every output.
-    """
+    """Cut records into windows and get ready to estimate their initial states."""
     hold = hold_of(model, hold)
     substeps = model.simulation.get("substeps") if substeps is None else substeps
     method = model.simulation.get("method")

@@ -15,16 +15,7 @@ HALF = 10
 class SmoothedOutput:
     """An output of every record, smoothed with the same penalty in time.
 
-    Parameters
-    ----------
-    windows : ShootingWindows
-        The records.
-    column : int
-        The output.
-    name : str
-        Its name.
-    state : str
-        The state that it shows.
+    `column` is that of the output, `state` what it shows.
     """
 
     def __init__(self, windows: ShootingWindows, column: int, name: str, state: str):

@@ -34,20 +34,9 @@ TINY = sympy.Float(1e-30)
 class Source:
     """Source code of a model's functions, and which flows are under dry friction.
 
-    Parameters
-    ----------
-    shared : tuple of str
-        Assignments to names that several entries share.
-    entries : tuple of str
-        The expressions that fill ``out``.
-    rows : tuple of tuple of float
-        The flows under dry friction, each as a row over the states.
-    n_states : int
-        Number of states.
-    n_outputs : int
-        Number of outputs.
-    n_parameters : int, optional
-        Number of parameters differentiated by; without it nothing is differentiated.
+    `shared` are assignments to names that several entries share, `entries` the expressions that
+    fill ``out``, and `rows` the flows under dry friction, each as a row over the states. Without
+    `n_parameters`, the number of those differentiated by, nothing is differentiated.
     """
 
     shared: tuple[str, ...]
@@ -186,20 +175,7 @@ def slope_name(name: str) -> str:
 
 
 def differentiate(expression, variable):
-    """Differentiate almost everywhere: jumps contribute nothing.
-
-    Parameters
-    ----------
-    expression : sympy.Expr
-        What to differentiate.
-    variable : sympy.Symbol
-        By what.
-
-    Returns
-    -------
-    sympy.Expr
-        The derivative.
-    """
+    """Differentiate almost everywhere: jumps contribute nothing."""
     derivative = sympy.diff(expression, variable)
     return derivative.replace(
         lambda e: isinstance(e, sympy.DiracDelta | sympy.Derivative | sympy.Subs),

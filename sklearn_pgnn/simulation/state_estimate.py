@@ -26,12 +26,7 @@ ENDLESS = 1e100
 class StateEstimate:
     """States at every sample of the records.
 
-    Parameters
-    ----------
-    x : ndarray of shape (n_samples, n_states)
-        Estimated states.
-    spread : ndarray of shape (n_states,)
-        Uncertainty of each state.
+    `x` has shape (n_samples, n_states), its uncertainty `spread` (n_states,).
     """
 
     x: np.ndarray
@@ -46,14 +41,8 @@ class StateEstimator:
     (`sklearn_pgnn.simulation.state_sources`). Every other state, and the sign of one that is shown
     by its magnitude, is taken from a free-run simulation.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model without extensions: its outputs tell what the record shows.
-    windows : ShootingWindows
-        The records.
-    starts : list of ndarray of shape (n_states,)
-        Initial state of every record, NaN where unknown.
+    The outputs of the model without extensions tell what the record shows. `starts` are the initial
+    states of the records, NaN where unknown.
     """
 
     def __init__(self, model: PhysicsModel, windows: ShootingWindows, starts: list[np.ndarray]):
@@ -211,28 +200,13 @@ def _followers(model: PhysicsModel) -> list[tuple[int, int]]:
 
 
 def hidden_states(model: PhysicsModel) -> tuple[str, ...]:
-    """Name the states of a model that its outputs do not show, alone or as a slope.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> hidden_states(cart_on_spring())
-    ()
-    """
+    """Name the states of a model that its outputs do not show, alone or as a slope."""
     shown = shown_states(model)
     return tuple(state for state in model.states if state not in shown)
 
 
 def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
-    """Name the states of which the outputs show the magnitude only, then their velocities.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.effects import SensorRectification
-    >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> unsigned_states(cart_on_spring() + SensorRectification("position"))
-    ('x', 'v')
-    """
+    """Name the states of which the outputs show the magnitude only, then their velocities."""
     hidden = [s for s in model.states if any(_hides_sign(g, s) for g in model.outputs.values())]
     return (*hidden, *(v for v, at in model.slope_pairs.items() if at in hidden))
 

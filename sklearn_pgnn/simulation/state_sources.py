@@ -41,12 +41,7 @@ MEASURED_SPREAD = 0.3
 class Source:
     """An output that shows a state.
 
-    Parameters
-    ----------
-    smoothed : SmoothedOutput
-        The output.
-    derivative : {0, 1}
-        Whether the state is its value or its slope.
+    The state is the output's value, or its slope where `derivative` is 1.
     """
 
     smoothed: SmoothedOutput
@@ -62,12 +57,8 @@ class Source:
 class TakenState:
     """A state as it is taken from the outputs that show it.
 
-    Parameters
-    ----------
-    sources : tuple of Source
-        From which output it is taken in every record.
-    bounds : ndarray of shape (n_records + 1,)
-        First samples of the records, and the number of all.
+    `sources` is from which output it is taken in every record, and `bounds` the first samples of
+    the records, and the number of all.
     """
 
     sources: tuple[Source, ...]

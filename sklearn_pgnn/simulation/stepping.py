@@ -383,13 +383,7 @@ def usual_interval(t: np.ndarray) -> float:
 
 
 def counts_between(t: np.ndarray, usual: float) -> np.ndarray:
-    """Return for how many usual intervals every interval counts, as the time loop has it.
-
-    Examples
-    --------
-    >>> counts_between(np.array([0.0, 1.0, 2.4, 5.0]), 1.0).tolist()
-    [1.0, 1.0, 3.0]
-    """
+    """Return for how many usual intervals every interval counts, as the time loop has it."""
     shares = np.minimum(np.diff(t) / usual, MOST_SAMPLES)
     return np.where(shares > LONG, np.ceil(shares - 0.5), 1.0)
 

@@ -35,11 +35,8 @@ _MULTIPLIED = 16
 class Assignments:
     """A model's source, parsed: what its entries are, and what they need.
 
-    Parameters
-    ----------
-    text : str
-        Assignments, one a line, to names or to ``out[i]``; they read ``t``, names that stand
-        before, and elements of arrays.
+    There is one a line, to a name or to ``out[i]``; they read ``t``, names that stand before, and
+    elements of arrays.
 
     Examples
     --------
@@ -95,23 +92,7 @@ def emit_entries(
 ) -> list[ir.Value]:
     """Emit some entries of a model's source.
 
-    Parameters
-    ----------
-    builder : ir.IRBuilder
-        Where to emit.
-    lines : Assignments
-        The source.
-    entries : sequence of int
-        Which entries.
-    t : ir.Value
-        The time.
-    read : callable
-        ``read(array, i)`` returns the value of an array's element.
-
-    Returns
-    -------
-    list of ir.Value
-        The entries' values.
+    ``read(array, i)`` returns the value of an array's element.
     """
     emitter = _Emitter(builder, t, read)
     for name, expression in lines.needed(entries):

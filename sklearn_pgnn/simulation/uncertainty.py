@@ -222,17 +222,7 @@ def propagated_variance(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarra
 def invert(hessian: np.ndarray):
     """Invert a Hessian where it is not flat, and name the parameters that lie where it is.
 
-    Parameters
-    ----------
-    hessian : ndarray of shape (n, n)
-        The Hessian.
-
-    Returns
-    -------
-    inverse : ndarray of shape (n, n)
-        Its inverse, zero along flat directions.
-    flat : ndarray of shape (n,)
-        For every parameter whether it lies in one.
+    Return the inverse, zero along flat directions, and for every parameter whether it lies in one.
     """
     blind = ~(np.diag(hessian) > 0)
     size = np.sqrt(np.where(blind, 1.0, np.diag(hessian)))

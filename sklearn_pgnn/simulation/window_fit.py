@@ -41,16 +41,7 @@ _F1, _F2, _F4 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, :
 class ParameterPrior:
     """Bounds, Gaussian prior and scale of a parameter in a fit.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    low, high : float
-        Bounds.
-    centre, spread : float
-        Mean and standard deviation of its Gaussian prior; an infinite spread means none.
-    scale : float
-        A typical size of a change.
+    An infinite `spread` means no Gaussian prior; `scale` is a typical size of a change.
     """
 
     name: str
@@ -70,22 +61,10 @@ class ParameterPrior:
 class WindowFit:
     """A model fitted to windows.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model at the fitted values.
-    freedoms : tuple of ParameterPrior
-        The free parameters.
-    x0 : ndarray of shape (n_windows, n_states)
-        Fitted initial states, of led ones that of the record, see
-        `sklearn_pgnn.simulation.led_states`.
-    evaluation : Evaluation
-        Residuals and gradients at the fit.
-    objective : float
-        The minimum; infinite where the model cannot be fitted.
-    parts : ndarray of shape (n_windows + 1,)
-        The objective window by window, and last the part of the parameters' priors. Not a number
-        where a parameter that hardly acts was sent beyond all numbers.
+    `x0`, of shape (n_windows, n_states), are fitted initial states, of led ones that of the record,
+    see `sklearn_pgnn.simulation.led_states`. The objective is infinite where the model cannot be
+    fitted. Its `parts` are those of the windows, and last the part of the parameters' priors; not a
+    number where a parameter that hardly acts was sent beyond all numbers.
     """
 
     model: PhysicsModel

@@ -36,33 +36,15 @@ _F1, _F2, _F4 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, :
 class ShootingWindows:
     """Concatenated records, and their windows on which a model is evaluated.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s] of all records, one after the other.
-    u : ndarray of shape (n_samples, n_inputs)
-        Inputs as commanded.
-    y : ndarray of shape (n_samples, n_outputs)
-        Measured outputs; NaN where there is none.
-    bounds : ndarray of shape (n_records + 1,)
-        Where each record begins, and the end.
-    starts, lengths : ndarray of shape (n_windows,)
-        First sample and number of samples of every window.
-    scale : ndarray of shape (n_outputs,)
-        Noise of every output; residuals are divided by it.
-    hold : {"zoh", "foh"}
-        How inputs vary between samples.
-    substeps : int
-        Integration steps from sample to sample; longer intervals than usual take more.
-    threads : int
-        Threads to simulate on.
-    blocks : int
-        Blocks of a window whose squares are summed apart, for statistics.
-    states : tuple of str or None
-        States that every window begins anew; others that inputs alone drive are led from the
-        start of the record, see `sklearn_pgnn.simulation.led_states`. None means all.
-    method : {"rk4", "rosenbrock"}
-        Scheme of a step.
+    Times [s], inputs as commanded, and outputs, NaN where there is none, have a row per sample of
+    all records, one after the other; `bounds`, of shape (n_records + 1,), is where each record
+    begins, and the end. `starts` and `lengths` are the first sample and the number of samples of
+    every window. Residuals are divided by `scale`, the noise of every output. Intervals longer than
+    usual take more than `substeps`; the squares of `blocks` of a window are summed apart, for
+    statistics.
+
+    Every window begins `states` anew, None meaning all; others that inputs alone drive are led from
+    the start of the record, see `sklearn_pgnn.simulation.led_states`.
     """
 
     t: np.ndarray
@@ -116,15 +98,7 @@ class ShootingWindows:
     def select(self, which) -> "ShootingWindows":
         """Return some of the windows.
 
-        Parameters
-        ----------
-        which : ndarray of bool or int
-            The windows to keep.
-
-        Returns
-        -------
-        ShootingWindows
-            The same records with fewer windows.
+        `which` is a mask or indices.
         """
         some = replace(self, starts=self.starts[which], lengths=self.lengths[which])
         vars(some)["usual_intervals"] = self.usual_intervals[which]  # the records are the same
@@ -175,16 +149,11 @@ class ShootingWindows:
 class Evaluation:
     """Residuals and squares of a model on the windows.
 
-    Parameters
-    ----------
-    block_gram : ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
-        Per block, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
-        noise; where the window diverged, or is lost to rounding, the squares are infinite and all
-        other products zero.
-    residual : ndarray of shape (n_samples, n_outputs)
-        Measured minus simulated outputs, NaN outside the windows.
-    x0 : ndarray of shape (n_windows, n_states)
-        Where the windows begin.
+    `block_gram`, of shape (n_windows, n_blocks, q + 1, q + 1), has per block the products of the
+    columns ``[dy/dp, dy/dx0, residual]`` in units of the noise; where the window diverged, or is
+    lost to rounding, the squares are infinite and all other products zero. Residuals are measured
+    minus simulated outputs, NaN outside the windows; `x0`, of shape (n_windows, n_states), is where
+    the windows begin.
     """
 
     block_gram: np.ndarray
@@ -209,36 +178,14 @@ class Evaluation:
     def select(self, which) -> "Evaluation":
         """Return the evaluation of some of the windows.
 
-        Parameters
-        ----------
-        which : ndarray of bool or int
-            The windows to keep.
-
-        Returns
-        -------
-        Evaluation
-            Theirs; the residuals are those of all.
+        `which` is a mask or indices; the residuals are those of all.
         """
         return Evaluation(self.block_gram[which], self.residual, self.x0[which])
 
     def replaced(self, windows: ShootingWindows, which, other: "Evaluation", part) -> "Evaluation":
         """Return the evaluation with some windows replaced by another's.
 
-        Parameters
-        ----------
-        windows : ShootingWindows
-            The windows of this evaluation.
-        which : ndarray of int
-            The windows to replace.
-        other : Evaluation
-            Where they come from.
-        part : ndarray of bool or int
-            Which of its windows they are.
-
-        Returns
-        -------
-        Evaluation
-            The evaluation.
+        The windows `which` are replaced by the windows `part` of the other.
         """
         gram, residual, x0 = self.block_gram.copy(), self.residual.copy(), self.x0.copy()
         gram[which], x0[which] = other.block_gram[part], other.x0[part]

@@ -24,15 +24,7 @@ def likeness(own: str, theirs: str) -> tuple[int, float]:
 
 
 def names_alike(own: str, theirs: str) -> bool:
-    """Whether two names share a word or most of their letters, or one begins the other.
-
-    Examples
-    --------
-    >>> names_alike("force_N", "force"), names_alike("position", "pos"), names_alike("speed", "spd")
-    (True, True, True)
-    >>> names_alike("force", "weg"), names_alike("force_1", "level_1")
-    (False, False)
-    """
+    """Whether two names share a word or most of their letters, or one begins the other."""
     words, letters = likeness(own, theirs)
     short, long = sorted((own.lower(), theirs.lower()), key=len)
     begins = len(short) >= BEGINNING and long.startswith(short)
@@ -40,13 +32,7 @@ def names_alike(own: str, theirs: str) -> bool:
 
 
 def units_alike(own: str, theirs: str) -> bool:
-    """Whether two units are known to measure the same; False if either is missing.
-
-    Examples
-    --------
-    >>> units_alike("N", "N"), units_alike("s", "ms"), units_alike("N", "m"), units_alike("", "")
-    (True, True, False, False)
-    """
+    """Whether two units are known to measure the same; False if either is missing."""
     if not (own and theirs):
         return False
     same = plain_unit(own) == plain_unit(theirs)

@@ -27,12 +27,7 @@ AT_THE_ENDS = 0.01
 class Channel(NamedTuple):
     """The samples of a channel.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Times of the samples [s], on the channel's own clock.
-    values : ndarray of shape (n_samples,)
-        Measured values.
+    Times [s] are on the channel's own clock.
     """
 
     t: np.ndarray
@@ -40,13 +35,7 @@ class Channel(NamedTuple):
 
 
 class ChannelLog(ABC):
-    """A file of channels, each with its own clock.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    """
+    """A file of channels, each with its own clock."""
 
     def __init__(self, path: str):
         self.path = path
@@ -72,18 +61,8 @@ def join_channels(
 ) -> pd.DataFrame:
     """Join channels into one table.
 
-    Warns
-    -----
-    RecordWarning
-        If more than a hundredth of the measurements lies at times at which not all inputs were
-        recorded, or the outputs were not measured at the same times.
-
-    Examples
-    --------
-    >>> u = Channel(np.array([0.0, 0.5, 1.0, 2.0]), np.array([5.0, 5.0, 6.0, 7.0]))
-    >>> y = Channel(np.array([0.4, 1.0, 1.6]), np.array([0.1, 0.2, 0.3]))
-    >>> join_channels("run.mf4", {"u": u}, {}, {"y": y}).to_numpy().tolist()
-    [[0.4, 5.0, 0.1], [1.0, 6.0, 0.2], [1.6, 6.0, 0.3]]
+    A `RecordWarning` tells if more than a hundredth of the measurements lies at times at which not
+    all inputs were recorded, or the outputs were not measured at the same times.
     """
     inputs, states, outputs = (
         {title: _settled(path, title, channel) for title, channel in part.items()}

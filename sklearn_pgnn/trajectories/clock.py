@@ -48,14 +48,7 @@ def usual_step(t: np.ndarray) -> float:
 
 
 def counted_on(t: np.ndarray, second: float, dated: bool = False) -> tuple[np.ndarray, float]:
-    """Return a time that goes on where its counter began again, and the counter's size, 0 if none.
-
-    Examples
-    --------
-    >>> t, size = counted_on(np.array([65_500.0, 65_520.0, 4.0, 24.0]), 1e3)
-    >>> t.tolist(), size
-    ([65500.0, 65520.0, 65540.0, 65560.0], 65536.0)
-    """
+    """Return a time that goes on where its counter began again, and the counter's size or 0."""
     step, drops = usual_step(t), np.flatnonzero(np.diff(t) < 0)
     if not drops.size or not np.isfinite(step):
         return t, 0.0
@@ -89,13 +82,7 @@ def rows_at_one_time(t: np.ndarray, same: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def backward(t: np.ndarray) -> Backward | None:
-    """Return the first row whose time does not increase, with what its clock may be.
-
-    Examples
-    --------
-    >>> backward(np.array([0.0, 1.0, 2.0, 0.0, 1.0])).row
-    3
-    """
+    """Return the first row whose time does not increase, with what its clock may be."""
     steps = np.diff(t)
     bad = np.flatnonzero(steps <= 0)
     if not bad.size:
@@ -123,13 +110,6 @@ def other_unit(t: np.ndarray) -> str:
 
     Numbers above 1e11 are no seconds since 1970; a question mark stands for no unit at all. Days of
     a spreadsheet, now about 46 000, have a step that is round in seconds, not in days.
-
-    Examples
-    --------
-    >>> other_unit(np.array([1.74e12, 1.74e12 + 20])), other_unit(45_000.0 + np.arange(9) / 86_400)
-    ('ms', 'd')
-    >>> other_unit(45_000.0 + np.arange(9) / 100)
-    ''
     """
     if not t.size or not np.isfinite(t).all():
         return ""

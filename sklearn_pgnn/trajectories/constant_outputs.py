@@ -14,15 +14,8 @@ SEVERAL = 8
 def constant_outputs(records) -> np.ndarray:
     """Return which outputs have no two different values in a record; they tell nothing of noise.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Measured trajectories.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_records, n_outputs)
-        Also true for outputs that were not measured.
+    The result has shape (n_records, n_outputs), and is also true for outputs that were not
+    measured.
 
     Examples
     --------
@@ -39,17 +32,7 @@ def constant_outputs(records) -> np.ndarray:
 def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
     """Return remarks on outputs that change in some records, and in others not though inputs do.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Names the outputs.
-    records : sequence of Record
-        Measured trajectories.
-
-    Returns
-    -------
-    list of str
-        A remark an output, each with its remedy.
+    Each has its remedy.
 
     Examples
     --------
@@ -87,14 +70,7 @@ def _place(model, name, record, i: int) -> str:
 def warn_of_constant_outputs(model: PhysicsModel, records, *, noise_is_told=False) -> None:
     """Warn of outputs that never change: in some records, or in all, where no noise is known.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Names the outputs.
-    records : sequence of Record
-        Measured trajectories.
-    noise_is_told : bool, default=False
-        Whether the noise of the outputs need not be estimated.
+    `noise_is_told` is whether the noise of the outputs need not be estimated.
 
     Examples
     --------

@@ -15,22 +15,7 @@ UNKNOWN = "X: no initial state is given"
 
 
 def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
-    """Warn where outputs that show a state begin elsewhere than X says, in most trajectories.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : sequence of Record
-        Trajectories with outputs.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(9.0), np.ones(9), np.zeros(9)])
-    >>> warn_of_contradicted_states(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # agree
-    """
+    """Warn where outputs that show a state begin elsewhere than X says, in most trajectories."""
     contradictions = []
     for i, state, names in _shown_states(model):
         told = [record for record in records if np.isfinite(record.x0[state])]
@@ -46,20 +31,6 @@ def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
     """Warn where X gives no initial state and most trajectories begin elsewhere than the model.
 
     A prediction starts them as the model says: nothing else is known before the measurements.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model that predicts.
-    records : sequence of Record
-        Trajectories with outputs.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
-    >>> warn_of_unknown_starts(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # from rest
     """
     for i, state, names in _shown_states(model):
         if names[1] in model.settled:
@@ -76,14 +47,8 @@ def warn_of_missing_starts(model: PhysicsModel, is_told: np.ndarray, records) ->
 
     Nothing was learnt of where such a state usually starts; the model's own value is taken.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model that predicts.
-    is_told : ndarray of bool, shape (n_states,)
-        Whether all trajectories of the fit had the initial value of a state.
-    records : sequence of Record
-        Trajectories to be predicted.
+    `is_told`, of shape (n_states,), is whether all trajectories of the fit had the initial value of
+    a state.
 
     Examples
     --------
@@ -112,15 +77,7 @@ def warn_of_missing_starts(model: PhysicsModel, is_told: np.ndarray, records) ->
 def told_in_all(records) -> np.ndarray:
     """Return for every state whether all trajectories have its initial value.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        The trajectories of a fit.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_states,)
-        See `warn_of_missing_starts`.
+    See `warn_of_missing_starts`.
     """
     return np.isfinite(np.array([record.x0 for record in records])).all(axis=0)
 
@@ -135,12 +92,8 @@ def _shown_states(model: PhysicsModel) -> list[tuple[int, int, tuple[str, str]]]
 def _elsewhere(records, i: int, asked, starts):
     """Return the first record asked whose output begins elsewhere than it should, if most do.
 
-    Returns
-    -------
-    first : (Record, float, float) or None
-        The record, where it begins and where it should.
-    counts : (int, int)
-        Number of such records, and of those asked whose first sample was measured.
+    Return it with where it begins and where it should, or None; and the number of such records, and
+    of those asked whose first sample was measured.
     """
     pairs = zip(asked, starts, strict=True)
     begun = [(r, float(r.y[0, i]), start) for r, start in pairs if np.isfinite(r.y[0, i])]

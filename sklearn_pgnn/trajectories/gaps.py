@@ -16,17 +16,6 @@ def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> 
     many of the record's usual intervals. Where every input is the same before and after it, as
     where a logger writes a rest at a slower rate, it is known: that is no gap. Without inputs,
     nothing tells so. Pieces that are too short for a record, or have no output, are left out.
-
-    Examples
-    --------
-    >>> t = np.array([0.0, 0.1, 0.2, 0.3, 9.0, 9.1, 9.2, 9.3])
-    >>> u = np.arange(8.0)[:, None]
-    >>> whole = Record(t, u, np.ones((8, 1)), np.zeros(1), "a", np.arange(8))
-    >>> [(piece.name, piece.rows.size) for piece in split_at_gaps((whole,), 1.0, 20)]
-    [('a', 4), ('a from 9 s', 4)]
-    >>> resting = replace(whole, u=np.zeros((8, 1)))
-    >>> [(piece.name, piece.rows.size) for piece in split_at_gaps((resting,), 1.0, 20)]
-    [('a', 8)]
     """
     return tuple(piece for record in records for piece in _pieces(record, longest, samples))
 

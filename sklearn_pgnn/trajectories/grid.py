@@ -19,13 +19,6 @@ def grid_step(values: np.ndarray) -> float:
 
     Only the larger half of the values counts: numbers written with so many digits are coarsest
     there.
-
-    Examples
-    --------
-    >>> float(round(grid_step(np.round(np.random.default_rng(0).normal(size=100), 2)), 6))
-    0.01
-    >>> float(grid_step(np.random.default_rng(0).normal(size=100)))
-    0.0
     """
     known = values[np.isfinite(values)]
     large = known[np.abs(known) >= np.median(np.abs(known))] if known.size else known

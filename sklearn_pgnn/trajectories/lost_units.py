@@ -34,31 +34,9 @@ REMEDY = (
 def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False) -> None:
     """Refuse records that a scaler has stripped of their units.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        The records.
-    energies : bool, default=False
-        Whether energies are computed from the records: one column that is standardised, and not
-        set by hand, then suffices.
-
-    Raises
-    ------
-    RecordError
-        If the time is standardised, or time and inputs nearly are, as in a part of such a table;
-        with `energies`, if an input or an output is exactly standardised over all records.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> t = np.linspace(-1.7, 1.7, 50)
-    >>> refuse_standardised(lag, read_records(lag, np.column_stack([t, np.sin(t)])))
-    Traceback (most recent call last):
-        ...
-    sklearn_pgnn.exceptions.RecordError: X: the time is standardised, so that its unit is lost: ...
+    These are standardised times, or times and inputs that nearly are, as in a part of such a table.
+    Where `energies` are computed from the records, one input or output that is exactly standardised
+    over all of them, and not set by hand, suffices.
     """
     t = np.concatenate([record.origin + record.t for record in records])
     if t.size < FEWEST:
@@ -79,13 +57,6 @@ def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False)
 
 def warn_of_standardised_outputs(model: PhysicsModel, records) -> None:
     """Warn of outputs that a scaler has stripped of their units, to which a model is fitted.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        Trajectories with outputs.
 
     Examples
     --------

@@ -13,19 +13,7 @@ SIMULATED = "_phy"
 def column_of(model: PhysicsModel, name: str, columns) -> str | None:
     """Return the name of the column that holds a quantity, or None if there is none.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        Its `columns` give the names of the quantities in the table.
-    name : str
-        The quantity: an input, state, output, ``t`` or ``trajectory``.
-    columns : sequence of str
-        The columns of the table.
-
-    Returns
-    -------
-    str or None
-        The column.
+    The name may be ``t`` or ``trajectory``, too; the model's `columns` give the names in the table.
 
     Examples
     --------
@@ -40,22 +28,7 @@ def column_of(model: PhysicsModel, name: str, columns) -> str | None:
 def time_name(columns, time_column):
     """Return the name of the column that `time_column` refers to; a number is its position.
 
-    Parameters
-    ----------
-    columns : sequence of str
-        The columns of the table.
-    time_column : int, str or None
-        The parameter.
-
-    Returns
-    -------
-    str or None
-        The name; None is returned unchanged.
-
-    Raises
-    ------
-    RecordError
-        If there is no column at that position.
+    None is returned unchanged.
 
     Examples
     --------
@@ -70,22 +43,7 @@ def time_name(columns, time_column):
 def place_of(time_column, width: int) -> int:
     """Return the position of the time among the columns.
 
-    Parameters
-    ----------
-    time_column : int
-        The parameter; a negative number counts from the last column.
-    width : int
-        Number of columns.
-
-    Returns
-    -------
-    int
-        The position.
-
-    Raises
-    ------
-    RecordError
-        If there is no column at that position.
+    A negative number counts from the last column.
 
     Examples
     --------
@@ -102,15 +60,7 @@ def place_of(time_column, width: int) -> int:
 def is_named(table) -> bool:
     """Return whether a table has columns with names.
 
-    Parameters
-    ----------
-    table : DataFrame or ndarray
-        The table.
-
-    Returns
-    -------
-    bool
-        False for an array, and for a DataFrame whose columns are numbered.
+    An array has none, nor has a DataFrame whose columns are numbered.
 
     Examples
     --------

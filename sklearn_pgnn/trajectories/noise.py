@@ -38,13 +38,6 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     ----------
     .. [1] V. F. Pisarenko, "The retrieval of harmonics from a covariance function", Geophysical
        Journal International 33(3), 1973, :doi:`10.1111/j.1365-246X.1973.tb03424.x`.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> y = np.sin(2 * np.pi * np.arange(2000) / 8) + 0.01 * rng.standard_normal(2000)
-    >>> round(noise_level(y), 3)
-    0.01
     """
     y = np.asarray(y, dtype=float)
     clocks = _clocks(y, t)
@@ -71,15 +64,7 @@ def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 
 
 def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.ndarray, int]:
-    """Return the divided differences with the smallest residue of a record, and their order.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> y = np.sin(2 * np.pi * np.arange(2000) / 100) + 0.01 * rng.standard_normal(2000)
-    >>> finest_differences(y)[1]
-    3
-    """
+    """Return the divided differences with the smallest residue of a record, and their order."""
     clocks = _clocks(y, t)
     found, _ = min((_finest(y, clock) for clock in clocks), key=itemgetter(1))
     return found, int(np.isfinite(y).sum()) - found.size

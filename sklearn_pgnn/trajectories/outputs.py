@@ -17,35 +17,9 @@ from sklearn_pgnn.trajectories.tables import as_pandas
 def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
     """Read the measured outputs, NaN where there is no value.
 
-    Parameters
-    ----------
-    model : PhysicsModel or None
-        Defines the outputs; its `columns` give their names in the table. Without a model, y may
-        have any columns.
-    y : DataFrame, Series or array-like of shape (n_samples, n_outputs) or (n_samples,)
-        The measured outputs in the model's order. The names of a DataFrame are checked; a Series
-        may have any, for what is computed from a column keeps its name.
-    n_samples : int
-        Number of rows that X has.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_outputs)
-        The outputs.
-
-    Raises
-    ------
-    RecordError
-        If the outputs have other names, another order or number, or are not finite numbers.
-
-    Examples
-    --------
-    >>> cart = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-x"})
-    >>> read_outputs(cart, pd.DataFrame({"v": [0.0], "x": [1.0]}), 1)
-    Traceback (most recent call last):
-        ...
-    sklearn_pgnn.exceptions.RecordError: y: expected the outputs in the model's order, x, v; got \
-the columns v, x. Predictions are compared with y by place. Remedy: y[['x', 'v']].
+    The outputs are in the model's order, and its `columns` give their names in the table; without a
+    model, y may have any columns. The names of a DataFrame are checked; a Series may have any, for
+    what is computed from a column keeps its name. Return them in the shape (n_samples, n_outputs).
     """
     y = as_pandas(y)
     table = y if isinstance(y, pd.DataFrame) else pd.DataFrame(np.asarray(y))

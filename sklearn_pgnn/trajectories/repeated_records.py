@@ -13,15 +13,7 @@ REMEDY = "give every record once: held-out errors and intervals count it as new 
 
 
 def repeated_records(records: Sequence[Record]) -> list[tuple[str, str]]:
-    """Return the pairs of records of the same content, whatever their names and clocks say.
-
-    Examples
-    --------
-    >>> t, u, y = np.arange(3.0), np.zeros((3, 0)), np.ones((3, 1))
-    >>> each = [Record(t, u, y, np.zeros(1), name, np.arange(3)) for name in ("a", "b")]
-    >>> repeated_records(each)
-    [('a', 'b')]
-    """
+    """Return the pairs of records of the same content, whatever their names and clocks say."""
     first: dict[tuple[str, str], str] = {}
     pairs = []
     for record in records:

@@ -73,17 +73,7 @@ def is_bag_folder(path) -> bool:
 def numbers(message, path: str = "") -> Iterator[tuple[str, float]]:
     """Yield the numbers in a message, each with the path of its field.
 
-    Parameters
-    ----------
-    message : object
-        A message, or a part of one.
-    path : str, default=""
-        Its path.
-
-    Yields
-    ------
-    tuple of str and float
-        ``/field`` and its value; the header is skipped.
+    A path is ``/field``, and so on; the header is skipped.
     """
     if isinstance(message, bool | int | float | np.number | np.bool_):
         yield path, float(message)

@@ -12,18 +12,8 @@ TIME = "t"
 def as_table(X, time_column=None):
     """Return a DataFrame of any library as a pandas one, with its clock as a column.
 
-    Parameters
-    ----------
-    X : DataFrame, Series or array-like of shape (n_samples, ...)
-        The table. An index of dates or of time differences becomes the column ``t``, if X has no
-        such column and `time_column` is not given.
-    time_column : int or str, optional
-        Column of the time.
-
-    Returns
-    -------
-    DataFrame, Series or array-like
-        The table; anything but a DataFrame is returned unchanged.
+    An index of dates or of time differences becomes the column ``t``, if X has no such column and
+    `time_column` is not given. Anything but a DataFrame is returned unchanged.
 
     Examples
     --------
@@ -44,15 +34,7 @@ def as_table(X, time_column=None):
 def as_pandas(X):
     """Return a DataFrame or Series of any library as a pandas one, anything else unchanged.
 
-    Parameters
-    ----------
-    X : DataFrame, Series or array-like of shape (n_samples, ...)
-        The table.
-
-    Returns
-    -------
-    DataFrame, Series or array-like
-        The table, with numbers in native byte order, the only one that pandas reads.
+    Its numbers get native byte order, the only one that pandas reads.
 
     Examples
     --------
@@ -93,15 +75,7 @@ def _native(values):
 def as_columns(values) -> np.ndarray:
     """Return numbers with one column per output; a plain sequence becomes one column.
 
-    Parameters
-    ----------
-    values : array-like of shape (n_samples, n_outputs) or (n_samples,)
-        The numbers.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_outputs)
-        The numbers, in double precision.
+    The numbers are in double precision.
 
     Examples
     --------
@@ -115,17 +89,7 @@ def as_columns(values) -> np.ndarray:
 def take_rows(table, rows):
     """Return some rows of a table.
 
-    Parameters
-    ----------
-    table : DataFrame, Series or array-like of shape (n_samples, ...)
-        The table.
-    rows : array-like of int
-        Row numbers.
-
-    Returns
-    -------
-    DataFrame, Series or ndarray
-        The rows, as a table of the same type.
+    They are a table of the same type.
     """
     if hasattr(table, "iloc"):
         return table.iloc[rows]

@@ -15,18 +15,6 @@ from sklearn_pgnn.trajectories.tables import as_table
 def check_model(model, *, optional: bool = False) -> None:
     """Raise `TypeError` unless the parameter ``model`` is a `PhysicsModel`.
 
-    Parameters
-    ----------
-    model : PhysicsModel or None
-        The parameter.
-    optional : bool, default=False
-        Whether None is allowed.
-
-    Raises
-    ------
-    TypeError
-        If it is something else.
-
     Examples
     --------
     >>> check_model("model.yaml")
@@ -70,19 +58,7 @@ def require_target(estimator, X, y) -> None:
 def refuse_fit_params(estimator, fit_params: dict) -> None:
     """Raise `OptionError` for weights of samples, and `TypeError` for what `fit` does not know.
 
-    Parameters
-    ----------
-    estimator : estimator
-        Whose `fit` it is.
-    fit_params : dict of str to object
-        What `fit` was given besides X and y; None stands for nothing.
-
-    Raises
-    ------
-    OptionError
-        If there are weights of samples.
-    TypeError
-        If there is anything else.
+    In `fit_params` None stands for nothing.
 
     Examples
     --------
@@ -111,25 +87,11 @@ all measured samples alike. Remedy: leave it out; a sample whose y is NaN does n
 def validate_table(estimator, X, *, reset: bool):
     """Refuse invalid tables, and store or compare the number and the names of the columns.
 
-    Parameters
-    ----------
-    estimator : estimator
-        Receives `n_features_in_` and, for a DataFrame, `feature_names_in_`.
-    X : DataFrame or array-like of shape (n_samples, n_columns)
-        The table; NaN is left to `read_records`, which knows where it is allowed.
-    reset : bool
-        Whether to store the columns of X (in `fit`), or to compare them with the stored ones.
-
-    Returns
-    -------
-    DataFrame or ndarray
-        The table; a DataFrame of another library as a pandas one. If `fit` saw names and X has
-        none, of which scikit-learn warns, its columns are taken to be those of `fit` in order.
-
-    Raises
-    ------
-    ValueError
-        If X is sparse, complex, empty or not two-dimensional, or its columns have changed.
+    With `reset` (in `fit`) the estimator receives `n_features_in_` and, for a DataFrame,
+    `feature_names_in_`; else the columns are compared with these. NaN is left to `read_records`,
+    which knows where it is allowed. A DataFrame of another library is returned as a pandas one. If
+    `fit` saw names and X has none, of which scikit-learn warns, its columns are taken to be those
+    of `fit` in order.
 
     Examples
     --------

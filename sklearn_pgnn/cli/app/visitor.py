@@ -15,16 +15,8 @@ from sklearn_pgnn.stages import BEST, in_words
 class RecordFile:
     """A file of records.
 
-    Parameters
-    ----------
-    number : int
-        Its number in the visitor's folder.
-    label : str
-        The visitor's name of the file, for display only, never part of a path.
-    size : int
-        Its size in bytes.
-    sha256 : str
-        Hash of its content.
+    `number` is its number in the visitor's folder, and the size is in bytes. The label, the
+    visitor's name of the file, is for display only, never part of a path.
     """
 
     number: int
@@ -46,12 +38,7 @@ class RecordFile:
 class Stages:
     """The stages of the work in progress.
 
-    Parameters
-    ----------
-    what : str
-        The work in progress.
-    began : float
-        Time of its beginning, by `time.monotonic` [s].
+    `began` is the time of its beginning, by `time.monotonic` [s].
     """
 
     what: str
@@ -86,21 +73,10 @@ class Stages:
 class Visitor:
     """A visitor's files and their results.
 
-    Attributes
-    ----------
-    model, columns, result : dict or None
-        Results of the process: of reading the model, of reading the records, and of the
-        diagnosis.
-    records : list of RecordFile
-        The files.
-    mapping : dict
-        ``column``, ``unit`` and ``kind`` by quantity; and ``sample_time``.
-    looked : bool
-        Whether the plots of the records and the model are available.
-    running : Stages or None
-        The work in progress.
-    message : str
-        The last error and its remedy; empty if there is none.
+    `model`, `columns` and `result` are the results of reading the model, of reading the records,
+    and of the diagnosis. `mapping` has ``column``, ``unit`` and ``kind`` by quantity, and
+    ``sample_time``. `looked` is whether the plots of the records and the model are available;
+    `message` is the last error and its remedy, empty if there is none.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -32,13 +32,7 @@ class Ended(Exception):
 
 
 class Worker:
-    """A process that reads, simulates and diagnoses in a folder; it starts when it is asked.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of its files.
-    """
+    """A process that reads, simulates and diagnoses in a folder; it starts when it is asked."""
 
     def __init__(self, folder: Path):
         self.folder = folder

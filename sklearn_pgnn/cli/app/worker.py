@@ -25,13 +25,7 @@ EVERY = 0.1
 
 
 class Answers:
-    """Writes answers, a line each.
-
-    Parameters
-    ----------
-    stream : text file
-        Stream to write to.
-    """
+    """Writes answers, a line each."""
 
     def __init__(self, stream):
         self.stream = stream

@@ -11,15 +11,7 @@ FORGETTING = 0.1
 def check_lambda(lambda_phy) -> None:
     """Raise `ValueError` unless the weight is valid.
 
-    Parameters
-    ----------
-    lambda_phy : float or "adaptive"
-        The parameter.
-
-    Raises
-    ------
-    ValueError
-        If it is neither a number from 0 to below 1 nor ``"adaptive"``.
+    It is a number from 0 to below 1, or ``"adaptive"``.
 
     Examples
     --------
@@ -40,19 +32,7 @@ def balanced_lambda(error, physics, weights, before: float | None) -> float:
     With the data's weight :math:`w = \max|\nabla L_{phy}|\,/\,\mathrm{mean}|\nabla L_{error}|` of
     [1]_ in :math:`L_{phy} + w L_{error}`, :math:`\lambda = 1/(1 + w)`; a moving average of it.
 
-    Parameters
-    ----------
-    error, physics : Tensor
-        Both losses, with their graphs.
-    weights : list of Tensor
-        The network's weights.
-    before : float or None
-        The average so far.
-
-    Returns
-    -------
-    float
-        The new average.
+    `before` is the average so far, if any; the losses have their graphs.
 
     References
     ----------

@@ -10,21 +10,9 @@ MIN_BATCHES = 16
 class TensorBatches:
     """Go through a data set of tensors, batch by batch.
 
-    Parameters
-    ----------
-    dataset : skorch.dataset.Dataset or torch.utils.data.Subset of it
-        Its ``X`` is an array or a dict of arrays, its ``y`` an array.
-    batch_size : int, default=1
-        Maximum number of samples in a batch; reduced if there would be fewer than 16 batches.
-    shuffle : bool, default=False
-        Whether to take the samples in a new order each time.
-
-    Examples
-    --------
-    >>> from skorch.dataset import Dataset
-    >>> data = Dataset({"u": torch.zeros(64, 1)}, torch.zeros(64))
-    >>> len(list(TensorBatches(data, batch_size=1000)))
-    16
+    ``X`` of the data set is an array or a dict of arrays, its ``y`` an array. The batch size is
+    reduced if there would be fewer than 16 batches; with `shuffle` the samples are taken in a new
+    order each time.
     """
 
     def __init__(self, dataset, batch_size=1, shuffle=False):

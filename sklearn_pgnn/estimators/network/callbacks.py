@@ -52,11 +52,8 @@ class BestFreeRun(Callback):
     The history gets the error as ``free_run``, and its square, a mean squared error, as
     ``valid_loss``.
 
-    Parameters
-    ----------
-    n_iter_no_change : int, default=100
-        Epochs without a better free run after which rollouts or the last phase end. Single steps
-        go on: their free run varies until the learning rate has decayed.
+    Rollouts or the last phase end after `n_iter_no_change` epochs without a better free run. Single
+    steps go on: their free run varies until the learning rate has decayed.
     """
 
     def __init__(self, n_iter_no_change=100):

@@ -8,27 +8,9 @@ def dissipated(output, parts, root, dt) -> torch.Tensor:
 
     .. math:: \delta = -\Delta t\,L\,(1 + \Delta t\,L^T H L)^{-1} L^T e
 
-    Parameters
-    ----------
-    output : Tensor of shape (n, n_lossy * (n_lossy + 1) / 2)
-        Outputs of the network.
-    parts : Tensor of shape (n, n_lossy + n_lossy**2)
-        Slopes and Hessian of the stored energy.
-    root : Tensor of shape (n_lossy,)
-        Unit of every row of L.
-    dt : Tensor of shape (n, 1)
-        Steps [s].
-
-    Returns
-    -------
-    Tensor of shape (n, n_lossy)
-        The change.
-
-    Examples
-    --------
-    >>> one = torch.ones(1, 1)
-    >>> dissipated(0 * one, torch.tensor([[6.0, 2.0]]), torch.ones(1), one)  # of 3**2 Joules
-    tensor([[-2.]])
+    `output` has shape (n, n_lossy * (n_lossy + 1) / 2); `parts`, slopes and Hessian of the stored
+    energy, (n, n_lossy + n_lossy**2); `root`, the unit of every row of L, (n_lossy,); and the steps
+    `dt` [s] (n, 1).
     """
     m = len(root)
     rows, columns = torch.tril_indices(m, m, device=output.device)

@@ -13,23 +13,7 @@ UNSEEN = 1e30
 def check_features(model: PhysicsModel, structure, guide, corrects, sees, further=()) -> None:
     """Refuse quantities that a network cannot correct or see.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    structure : {"output", "increment", "correction", "dissipative"}
-        Meaning of the network's output.
-    guide : {None, "simulation", "step", "terms"}
-        What the network sees of the model.
-    corrects, sees : sequence of str or None
-        The parameters.
-    further : sequence of str
-        Further columns that the network could see.
-
-    Raises
-    ------
-    ValueError
-        If there are such quantities.
+    `further` are columns that it could see, too.
     """
     own = [list(model.states)[i] for i in corrected_states(model, structure)]
     _check_names("corrects", corrects, own)
@@ -60,23 +44,8 @@ def _check_names(name, given, expected) -> None:
 def feature_scale(model: PhysicsModel, guide, scale, sees, further) -> np.ndarray:
     """Return the divisors of the features, so large for features not seen that 0 is left.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    guide : {None, "simulation", "step", "terms"}
-        What the network sees of the model.
-    scale : ndarray of shape (n_features,)
-        Standard deviations of the features.
-    sees : sequence of str or None
-        The quantities that the network sees; None for all.
-    further : sequence of str
-        Names of the further columns.
-
-    Returns
-    -------
-    ndarray of shape (n_features,)
-        The divisors.
+    `scale`, the standard deviations of the features, has shape (n_features,); with `sees` of None
+    all are seen; `further` names the further columns.
     """
     if sees is None:
         return scale

@@ -18,14 +18,8 @@ AT_THE_END = 1e-6
 class FreeParameters:
     """Parameters as relative changes from their values at the start of the training.
 
-    Parameters
-    ----------
-    names : tuple of str
-        The parameters.
-    start, unit : ndarray of shape (n_free,)
-        Initial value, and the change that a relative change of 1 stands for.
-    low, high : ndarray of shape (n_free,)
-        Least and largest relative change.
+    `unit` is the change that a relative change of 1 stands for; `low` and `high` are the least and
+    largest relative change. All have shape (n_free,).
     """
 
     names: tuple[str, ...]
@@ -38,19 +32,7 @@ class FreeParameters:
     def of(cls, prior: PhysicsModel, start: PhysicsModel, names) -> "FreeParameters":
         """Let parameters vary as far as the prior's spread and bounds allow.
 
-        Parameters
-        ----------
-        prior : PhysicsModel
-            The model that defines spread and bounds.
-        start : PhysicsModel
-            The model at the initial values.
-        names : sequence of str
-            The parameters.
-
-        Returns
-        -------
-        FreeParameters
-            The parameters.
+        `prior` defines spread and bounds, `start` the initial values.
         """
         names = tuple(names)
         given = [prior.parameters[name] for name in names]
@@ -63,15 +45,7 @@ class FreeParameters:
     def values(self, changes) -> dict:
         """Return the parameters' values by name, as numbers or tensors like the changes.
 
-        Parameters
-        ----------
-        changes : ndarray or Tensor of shape (..., n_free)
-            Relative changes.
-
-        Returns
-        -------
-        dict of str to float, ndarray or Tensor
-            The values.
+        The changes are relative, of shape (..., n_free).
         """
         known = zip(self.names, self.start.tolist(), self.unit.tolist(), strict=True)
         return {name: a + b * changes[..., i] for i, (name, a, b) in enumerate(known)}
@@ -79,17 +53,7 @@ class FreeParameters:
     def estimates(self, model: PhysicsModel, changes, reach) -> dict[str, Estimate]:
         """Return the parameters' values with intervals, kept within their range.
 
-        Parameters
-        ----------
-        model : PhysicsModel
-            Names the units.
-        changes, reach : ndarray of shape (n_free,)
-            Relative changes, and half the width of their intervals.
-
-        Returns
-        -------
-        dict of str to Estimate
-            The estimates.
+        `reach` is half the width of the intervals of the relative changes.
         """
         ends = np.clip(changes - reach, self.low, self.high), changes, changes + reach
         low, value, high = (self.values(np.minimum(each, self.high)) for each in ends)
@@ -110,22 +74,7 @@ class FreeParameters:
 def names_of(model: PhysicsModel | None, free) -> tuple[str, ...]:
     """Read the parameter ``free``.
 
-    Parameters
-    ----------
-    model : PhysicsModel or None
-        The model.
-    free : None, "all" or sequence of str
-        The value given by the user; None means no parameter.
-
-    Returns
-    -------
-    tuple of str
-        The parameters to train.
-
-    Raises
-    ------
-    ValueError
-        If there is no model, or it has no such parameter.
+    It is None for no parameter, ``"all"``, or names.
 
     Examples
     --------

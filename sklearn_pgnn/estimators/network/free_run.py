@@ -52,19 +52,7 @@ def weights_of(core: nn.Module) -> np.ndarray:
 def compiled_run(core: nn.Module, step: NetworkStep, changes=()) -> FreeRun:
     """Prepare the free run of a compiled core, with its present weights.
 
-    Parameters
-    ----------
-    core : Module
-        The trained core, see `is_compiled`.
-    step : NetworkStep
-        Definition of the network's step.
-    changes : ndarray of shape (n_free,), optional
-        Relative changes of the step's free parameters.
-
-    Returns
-    -------
-    FreeRun
-        To be called with trajectories.
+    `changes` are relative ones of the step's free parameters; for the core see `is_compiled`.
     """
     return FreeRun(step_with(core, step), np.append(weights_of(core), changes))
 
@@ -72,19 +60,8 @@ def compiled_run(core: nn.Module, step: NetworkStep, changes=()) -> FreeRun:
 def ready_to_run(core: nn.Module, step: NetworkStep, changes=()):
     """Prepare a network's free run, once for many trajectories.
 
-    Parameters
-    ----------
-    core : Module
-        The trained core.
-    step : NetworkStep
-        Definition of the network's step.
-    changes : ndarray of shape (n_free,), optional
-        Relative changes of the step's free parameters.
-
-    Returns
-    -------
-    callable
-        Takes a `NetworkRecord`, and returns the same as `run_core`.
+    Return a function that takes a `NetworkRecord` and returns the same as `run_core`. `changes` are
+    relative ones of the step's free parameters.
     """
     if is_compiled(core):
         return compiled_run(core, step, changes)
@@ -94,23 +71,9 @@ def ready_to_run(core: nn.Module, step: NetworkStep, changes=()):
 def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=()):
     """Run a network in free run along a trajectory.
 
-    Parameters
-    ----------
-    core : Module
-        The trained core.
-    step : NetworkStep
-        Definition of the network's step.
-    record : NetworkRecord
-        The trajectory.
-    changes : ndarray of shape (n_free,), optional
-        Relative changes of the step's free parameters.
-
-    Returns
-    -------
-    x : ndarray of shape (n_samples, n_states)
-        The states; once they leave the reach, the last ones within it are repeated.
-    failed : int
-        The first sample out of reach, -1 if there is none.
+    Return the states, of shape (n_samples, n_states), the last ones within reach being repeated
+    once they leave it, and the first sample out of reach, -1 if there is none. `changes` are
+    relative ones of the step's free parameters.
     """
     return ready_to_run(core, step, changes)(record)
 
@@ -157,23 +120,8 @@ def _run_torch(core, step, record):
 def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.Tensor, tuned=None):
     """Return the outputs of states.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    x : Tensor of shape (..., n_states)
-        States.
-    u : Tensor of shape (..., n_inputs)
-        Inputs.
-    t : Tensor of shape (...)
-        Times [s].
-    tuned : dict of str to Tensor or float, optional
-        Values of parameters in place of the model's.
-
-    Returns
-    -------
-    Tensor of shape (..., n_outputs)
-        The outputs.
+    States have shape (..., n_states), inputs (..., n_inputs) and times [s] (...); `tuned` are
+    values of parameters in place of the model's.
     """
     values: dict[str, torch.Tensor | float] = {"t": t}
     values |= {name: x[..., i] for i, name in enumerate(model.states)}

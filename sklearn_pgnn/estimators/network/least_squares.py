@@ -75,24 +75,9 @@ class Sums:
 class SimulationObjective:
     """The loss of a network in free run, as a function of its weights.
 
-    Parameters
-    ----------
-    step : NetworkStep
-        Definition of the network's step.
-    records : list of TrainingRecord
-        The trajectories.
-    scale : ndarray of shape (n_outputs,)
-        Scale of every output's error.
-    physics : PhysicsLoss or None
-        The physical terms.
-    lambda_phy : float
-        Their weight.
-    stride : int, default=1
-        Interval, in samples, at which errors and physical residuals are evaluated.
-    threads : int, default=1
-        Threads to simulate on.
-    overlap : OverlapCost, optional
-        Cost of the network's output that the model's free parameters could express.
+    `scale` is that of every output's error, and `lambda_phy` the weight of the physical terms.
+    Errors and physical residuals are evaluated at every `stride`-th sample. `overlap` is the cost
+    of the network's output that the model's free parameters could express.
     """
 
     def __init__(
@@ -236,14 +221,7 @@ class SimulationObjective:
 class OverlapCost:
     """The weighted overlap as sums over the weights and the free parameters.
 
-    Parameters
-    ----------
-    overlap : Overlap
-        The overlap.
-    core : Module
-        The network.
-    weight : float
-        Cost of a complete overlap, as a share of the error.
+    The weight is the cost of a complete overlap, as a share of the error.
     """
 
     def __init__(self, overlap, core, weight: float):
@@ -281,23 +259,10 @@ def levenberg_marquardt(
 ) -> np.ndarray:
     """Minimise by damped Gauss-Newton steps.
 
-    Parameters
-    ----------
-    objective : SimulationObjective
-        The function to minimise.
-    theta : ndarray of shape (n_weights,)
-        The start.
-    iterations : int
-        Maximum number of steps that lower the cost; rejected steps are not counted.
-    on_step : callable
-        Called at every accepted step, ``on_step(theta, cost)``; True ends the search.
-    bounds : (ndarray, ndarray), optional
-        Least and largest values; a weight pushed beyond is held, and a step ends at the bound.
-
-    Returns
-    -------
-    ndarray of shape (n_weights,)
-        The last weights that were accepted.
+    `iterations` is the maximum number of steps that lower the cost; rejected steps are not counted.
+    ``on_step(theta, cost)`` is called at every accepted step; True ends the search. A weight pushed
+    beyond its bounds is held, and a step ends at the bound. The last weights that were accepted are
+    returned.
 
     References
     ----------
@@ -366,15 +331,7 @@ def l_bfgs(
 ) -> np.ndarray:
     """Minimise by the limited-memory method of Broyden, Fletcher, Goldfarb and Shanno.
 
-    Parameters
-    ----------
-    objective, theta, iterations, on_step, bounds
-        As for `levenberg_marquardt`.
-
-    Returns
-    -------
-    ndarray of shape (n_weights,)
-        The last weights that were accepted.
+    Arguments and result are as for `levenberg_marquardt`.
     """
     costs: list[float] = []
 

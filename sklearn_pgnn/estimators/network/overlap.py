@@ -33,17 +33,7 @@ RANK = 1e-6
 
 
 class Overlap:
-    """The part of a network's output that the model's parameters could express.
-
-    Parameters
-    ----------
-    step : NetworkStep
-        Definition of the network's step.
-    free : FreeParameters
-        The parameters.
-    windows : TrainingWindows
-        The training data.
-    """
+    """The part of a network's output that the model's parameters could express."""
 
     def __init__(self, step: NetworkStep, free: FreeParameters, windows: TrainingWindows):
         rows = windows.pairs[:: max(1, len(windows.pairs) // ROWS)]
@@ -72,19 +62,8 @@ class Overlap:
     def with_slopes(self, core: nn.Module, weights: np.ndarray):
         """Return the overlap and its derivatives by the weights.
 
-        Parameters
-        ----------
-        core : Module
-            The network; its own weights do not matter.
-        weights : ndarray of shape (n_weights,)
-            The weights.
-
-        Returns
-        -------
-        overlap : ndarray of shape (n_directions,)
-            The overlap.
-        slopes : ndarray of shape (n_directions, n_weights)
-            Its derivatives.
+        The network's own weights do not matter. The overlap has shape (n_directions,), its
+        derivatives (n_directions, n_weights).
         """
         core = copy.deepcopy(core).cpu()
         nn.utils.vector_to_parameters(torch.as_tensor(weights), core.parameters())

@@ -261,14 +261,7 @@ class RateBounds(Bounds):
 class Motion:
     """Motion of the machine in the training data, from each sample to the next.
 
-    Parameters
-    ----------
-    x : ndarray of shape (n, 2, n_states)
-        States at both ends.
-    u : ndarray of shape (n, 1, n_inputs)
-        Inputs.
-    t : ndarray of shape (n, 2)
-        Times [s].
+    States at both ends have shape (n, 2, n_states), inputs (n, 1, n_inputs), and times [s] (n, 2).
     """
 
     x: np.ndarray
@@ -279,16 +272,7 @@ class Motion:
 class PhysicsLoss:
     """Terms, bound to a model, as one loss.
 
-    Parameters
-    ----------
-    terms : list of PhysicsTerm
-        The terms.
-    model : PhysicsModel
-        Names the states and inputs.
-    motion : Motion
-        The training data.
-    scaled : bool, default=True
-        Whether energy residuals are relative to a power; otherwise they are in joules.
+    Energy residuals are relative to a power if `scaled`; otherwise they are in joules.
     """
 
     def __init__(self, terms, model: PhysicsModel, motion: Motion, scaled: bool = True):
@@ -301,26 +285,10 @@ class PhysicsLoss:
     def residuals(self, x, u, t, tuned=None) -> list[torch.Tensor]:
         """Return every term's residual, each of shape (n, length, m).
 
-        Parameters
-        ----------
-        x : Tensor of shape (n, length + 1, n_states)
-            States.
-        u : Tensor of shape (n, length, n_inputs)
-            Inputs.
-        t : Tensor of shape (n, length + 1)
-            Times [s].
-        tuned : dict of str to Tensor, optional
-            Values of parameters, each of shape (n, 1) or (), in place of the model's.
-
-        Returns
-        -------
-        list of Tensor
-            The residuals; for an inequality only the part above zero.
-
-        Raises
-        ------
-        ValueError
-            If a user-defined term returns another shape, or non-finite values for finite states.
+        States have shape (n, length + 1, n_states), inputs (n, length, n_inputs) and times [s] (n,
+        length + 1); `tuned` are values of parameters, each of shape (n, 1) or (), in place of the
+        model's. Of an inequality it is only the part above zero. A user-defined term that returns
+        another shape, or non-finite values for finite states, raises `ValueError`.
         """
         found = []
         for term, residual in zip(self.terms, self._residuals, strict=True):
@@ -357,22 +325,7 @@ def _name_of(term: PhysicsTerm) -> str:
 def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
     """Read the parameter ``physics_loss``: nothing, one term, several, or a function.
 
-    Parameters
-    ----------
-    physics_loss : None, PhysicsTerm, callable or list of them
-        The value given by the user; None means the energy balance.
-    model : PhysicsModel or None
-        The model.
-
-    Returns
-    -------
-    list of PhysicsTerm
-        The terms.
-
-    Raises
-    ------
-    ValueError
-        If something is not a term, or the energy balance is requested and the model has no energy.
+    None means the energy balance.
     """
     given: list[Any] = [EnergyBalance()]
     if physics_loss is not None:
@@ -405,17 +358,7 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
 def with_dissipation(model: PhysicsModel, terms) -> PhysicsModel:
     """Return a model whose energy is dissipated as a balance among the terms says.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    terms : list of PhysicsTerm
-        The terms.
-
-    Returns
-    -------
-    PhysicsModel
-        The same machine, with the parameters of those balances.
+    It is the same machine, with the parameters of those balances.
     """
     for term in terms:
         if isinstance(term, EnergyBalance):
@@ -426,22 +369,7 @@ def with_dissipation(model: PhysicsModel, terms) -> PhysicsModel:
 def own_parameters(model: PhysicsModel, terms) -> tuple[str, ...]:
     """Name the parameters that balances have besides the model's.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model that the user gave.
-    terms : list of PhysicsTerm
-        The terms.
-
-    Returns
-    -------
-    tuple of str
-        The names, each once.
-
-    Raises
-    ------
-    ValueError
-        If the model has a parameter of that name.
+    Each is named once; the model must have no parameter of that name.
     """
     balances = [term for term in terms if isinstance(term, EnergyBalance)]
     names = tuple(dict.fromkeys(name for each in balances for name in each.parameters or {}))

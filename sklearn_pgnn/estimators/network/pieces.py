@@ -18,15 +18,7 @@ from sklearn_pgnn.simulation.pointwise import numpy_function
 
 
 class PieceRuns:
-    """The runs of a trained network along pieces of trajectories.
-
-    Parameters
-    ----------
-    core : Module
-        The trained core.
-    step : NetworkStep
-        Definition of the network's step.
-    """
+    """The runs of a trained network along pieces of trajectories."""
 
     def __init__(self, core: nn.Module, step: NetworkStep):
         self._run, self._outputs = ready_to_run(core, step), output_function(step.model)

@@ -13,28 +13,9 @@ def plain_model(X: pd.DataFrame, y, time_column: str, states) -> PhysicsModel:
 
     The state is every output and, for a machine that has inertia, its rate.
 
-    Parameters
-    ----------
-    X : DataFrame of shape (n_samples, n_columns)
-        Its columns besides the time, ``trajectory`` and the states are inputs.
-    y : array-like of shape (n_samples, n_outputs)
-        Measured outputs.
-    time_column : str
-        Column of the time.
-    states : sequence of str, optional
-        Columns that hold the initial state: the outputs, or the outputs and then their rates. By
-        default the state is the outputs and their rates, at rest at the first output.
-
-    Returns
-    -------
-    PhysicsModel
-        Chains of integrators.
-
-    Raises
-    ------
-    ValueError
-        If the number of states does not fit the outputs, or one of their columns or the time
-        is missing.
+    Columns of X besides the time, ``trajectory`` and the states are inputs. The columns `states`
+    hold the initial state: the outputs, or the outputs and then their rates; by default these, at
+    rest at the first output. The model is chains of integrators.
 
     Examples
     --------

@@ -78,16 +78,8 @@ PER_PERIOD = 100
 class Runs:
     """Trajectories of a table, prepared for the loop, and their free runs.
 
-    Parameters
-    ----------
-    records : tuple of Record
-        The trajectories.
-    ready : list of NetworkRecord
-        The trajectories as the loop needs them, with samples in between where steps are long.
-    kept : list of ndarray of int
-        Where the trajectories' own samples are among these.
-    x : list of ndarray
-        The states of the free runs.
+    `ready` are the trajectories as the loop needs them, with samples in between where steps are
+    long; `kept` is where the trajectories' own samples are among these.
     """
 
     records: tuple

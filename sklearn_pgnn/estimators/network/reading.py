@@ -13,19 +13,8 @@ from sklearn_pgnn.trajectories.real_numbers import read_numbers
 def with_names(model: PhysicsModel, X, time_column=None):
     """Name the columns of an array that `PhysicsModelTransformer` gave.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    X : DataFrame or ndarray of shape (n_samples, n_columns)
-        Time, inputs, states or none, and the simulated states and outputs.
-    time_column : int or str or None
-        The parameter ``time_column``.
-
-    Returns
-    -------
-    DataFrame or ndarray
-        The table; anything else is returned unchanged.
+    They are time, inputs, states or none, and the simulated states and outputs; anything but an
+    array is returned unchanged.
     """
     if isinstance(X, pd.DataFrame) or isinstance(time_column, str):
         return X
@@ -43,17 +32,7 @@ def with_names(model: PhysicsModel, X, time_column=None):
 def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
     """Return the columns of the simulated states, or None where a table lacks one.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    X : DataFrame or ndarray of shape (n_samples, n_columns)
-        The table.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_states) or None
-        The simulation, as given in the table.
+    They have shape (n_samples, n_states).
     """
     names = [state + SIMULATED for state in model.states]
     if not isinstance(X, pd.DataFrame) or not set(names) <= set(X.columns):
@@ -65,20 +44,6 @@ def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
     """Name the columns that are neither time, trajectory, quantity of the model nor simulation.
 
     A column with the name of an output is never one: it would reveal what is to be predicted.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    X : DataFrame or ndarray of shape (n_samples, n_columns)
-        The table.
-    time_column : int or str or None
-        The parameter ``time_column``.
-
-    Returns
-    -------
-    list of str
-        Columns that the network is to see in addition.
     """
     if not isinstance(X, pd.DataFrame):
         return []
@@ -95,22 +60,8 @@ def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
 def feature_values(X, names: list[str]) -> np.ndarray:
     """Read the further columns.
 
-    Parameters
-    ----------
-    X : DataFrame or ndarray of shape (n_samples, n_columns)
-        The table.
-    names : list of str
-        As `further_columns` gave them in `fit`.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, n_features)
-        Their values.
-
-    Raises
-    ------
-    RecordError
-        If one is not a number.
+    The names are as `further_columns` gave them in `fit`; the values have shape (n_samples,
+    n_features).
     """
     return _numbers(X, names) if names else np.zeros((len(X), 0))
 

@@ -40,18 +40,9 @@ _KEEPING = Lock()
 class TrainingRecord:
     """One trajectory with what was measured.
 
-    Parameters
-    ----------
-    record : NetworkRecord
-        Time, inputs and whatever else the network sees.
-    x : ndarray of shape (n_samples, n_states)
-        Estimated states.
-    y : ndarray of shape (n_samples, n_outputs)
-        Measured outputs, NaN where there is none.
-    scored_from : int
-        The first sample that counts.
-    told : ndarray of bool, shape (n_samples,), optional
-        Whether measurements determine the states of a sample; by default they do.
+    `x` are estimated states; y is NaN where nothing was measured. `scored_from` is the first sample
+    that counts, and `told` whether measurements determine the states of a sample; by default they
+    do.
     """
 
     record: NetworkRecord
@@ -79,25 +70,8 @@ class TrainingRecord:
 def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, substeps: int):
     """Prepare records for the network's loop.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        Trajectories.
-    features : list of ndarray of shape (n_samples, n_features)
-        Further columns of every trajectory.
-    simulated : list of ndarray or None
-        Open-loop simulation of every trajectory; by default the model is simulated.
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-    substeps : int
-        Integration steps from sample to sample.
-
-    Returns
-    -------
-    list of NetworkRecord
-        The trajectories.
+    `features` are further columns of every trajectory, of shape (n_samples, n_features), and
+    `simulated` its open-loop simulation; by default the model is simulated.
     """
     if simulated is None:
         simulated = [open_loop(model, record, hold, substeps) for record in records]
@@ -128,21 +102,7 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
 
     The last estimates are cached: a search needs the same ones again for every candidate.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        Trajectories with outputs.
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-    substeps : int
-        Integration steps from sample to sample.
-
-    Returns
-    -------
-    list of ndarray of shape (n_samples, n_states)
-        The states.
+    They have shape (n_samples, n_states).
     """
     key = (model, hash_of([(r.t, r.u, r.y, r.x0) for r in records]), hold, substeps)
     with _KEEPING:
@@ -161,16 +121,8 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
 def told_samples(records) -> list[np.ndarray]:
     """Find the samples whose states the measured outputs determine, across short gaps too.
 
-    Parameters
-    ----------
-    records : tuple of Record
-        Trajectories with outputs.
-
-    Returns
-    -------
-    list of ndarray of bool, shape (n_samples,)
-        False before a record's first measured sample, after its last one, and in gaps longer than
-        both a window and as many of the usual intervals of its measurements as a window has.
+    A mask is false before a record's first measured sample, after its last one, and in gaps longer
+    than both a window and as many of the usual intervals of its measurements as a window has.
     """
     window = WINDOW_SHARE * dominant_period(records)
     return [_told(record.t, where_measured(record.y), window) for record in records]
@@ -190,21 +142,8 @@ def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
 def unmeasured_record(model: PhysicsModel, record, ready: NetworkRecord, **options):
     """Return a trajectory without measurements, with the model's simulation as its states.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    record : Record
-        The trajectory.
-    ready : NetworkRecord
-        The trajectory as the network sees it.
-    **options
-        Options of the simulation.
-
-    Returns
-    -------
-    TrainingRecord
-        The trajectory, from which no error is taken.
+    No error is taken from it. `ready` is the trajectory as the network sees it; `options` are those
+    of the simulation.
     """
     x = open_loop(model, record, **options)
     return TrainingRecord(ready, x, record.y, told=np.zeros(len(x), dtype=bool))
@@ -213,20 +152,8 @@ def unmeasured_record(model: PhysicsModel, record, ready: NetworkRecord, **optio
 def split_for_validation(records: list[TrainingRecord], share: float, random):
     """Hold out whole trajectories, or the end of every trajectory where there are few.
 
-    Parameters
-    ----------
-    records : list of TrainingRecord
-        The trajectories.
-    share : float
-        Share to hold out.
-    random : RandomState
-        Draws the trajectories.
-
-    Returns
-    -------
-    training, validation : list of TrainingRecord
-        Trajectories to train on, and trajectories to choose the weights by: the held-out ones, or
-        all from their beginning, of which only the held-out end counts.
+    Return trajectories to train on, and trajectories to choose the weights by: the held-out ones,
+    or all from their beginning, of which only the held-out end counts.
     """
     if not share:
         return records, []
@@ -258,30 +185,11 @@ def spread_of(values: np.ndarray) -> np.ndarray:
 class TrainingWindows:
     """Windows of the training data, cut inside trajectories only.
 
-    Parameters
-    ----------
-    records : list of TrainingRecord
-        The trajectories.
-    model : PhysicsModel
-        The model.
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-    substeps : int
-        Integration steps from sample to sample.
-    needs_prior : bool
-        Whether the model's step from every measured state is needed.
-    needs_terms : bool
-        Whether the model's terms at every measured state are needed.
-    terms_from : PhysicsModel, optional
-        The model whose terms are used; by default `model`.
-    seen_at : float, default=0
-        Where along the model's steps the network sees the states, and the terms: 0 at their starts,
-        1 at their ends.
-
-    Attributes
-    ----------
-    pairs : ndarray of int
-        First samples of the steps between samples whose states measurements determine.
+    `needs_prior` is whether the model's step from every measured state is needed, and `needs_terms`
+    whether the terms there are, those of `terms_from`, by default `model`. `seen_at` is where along
+    the model's steps the network sees the states, and the terms: 0 at their starts, 1 at their
+    ends. `pairs` are first samples of the steps between samples whose states measurements
+    determine.
     """
 
     def __init__(

@@ -8,14 +8,8 @@ from torch import nn
 class RowNetwork(nn.Module):
     """A core between two scalings.
 
-    Parameters
-    ----------
-    core : Module
-        Maps standardised features to standardised targets.
-    X : ndarray of shape (n_samples, n_features)
-        Features of the training data.
-    y : ndarray of shape (n_samples, n_outputs)
-        Their targets.
+    The core maps standardised features to standardised targets; X and y are those of the training
+    data.
     """
 
     def __init__(self, core: nn.Module, X: np.ndarray, y: np.ndarray):
@@ -29,15 +23,7 @@ class RowNetwork(nn.Module):
     def forward(self, X):
         """Predict the targets.
 
-        Parameters
-        ----------
-        X : Tensor of shape (n, n_features)
-            Features.
-
-        Returns
-        -------
-        Tensor of shape (n, n_outputs)
-            Targets.
+        Features have shape (n, n_features), targets (n, n_outputs).
         """
         z = (X - self.mean_X) / self.scale_X
         if hasattr(self.core, "at_rest"):

@@ -27,18 +27,10 @@ MOST = 1_000_000
 class FilledRecord:
     """A trajectory with samples in between where its own are far apart.
 
-    Parameters
-    ----------
-    record : Record
-        All samples; those in between have no outputs, and the row number of the one before.
-    rows : ndarray of int
-        Row numbers of its own samples in the original table.
-    kept : ndarray of int
-        Where its own samples are among all.
-    before : ndarray of int
-        The own sample at or before each of all samples.
-    share : ndarray of float
-        How far each sample is from there to the next own one, from 0 to below 1.
+    Samples in between have no outputs, and the row number of the one before. `rows` are the row
+    numbers of its own samples in the original table, and `kept` where these are among all; `before`
+    is the own sample at or before each of all samples, and `share` how far that is from there to
+    the next own one, from 0 to below 1.
     """
 
     record: Record
@@ -62,16 +54,7 @@ class FilledRecord:
 
 
 def fill(record: Record, interval: float, hold: str) -> FilledRecord:
-    """Divide the long steps of a record.
-
-    Examples
-    --------
-    >>> t, none = np.array([0.0, 0.1, 0.2, 0.5]), np.zeros((4, 0))
-    >>> record = Record(t, none, np.ones((4, 1)), np.zeros(1), "a", np.arange(4))
-    >>> filled = fill(record, 0.1, "zoh")
-    >>> filled.record.t.round(3).tolist(), filled.kept.tolist()
-    ([0.0, 0.1, 0.2, 0.3, 0.4, 0.5], [0, 1, 2, 5])
-    """
+    """Divide the long steps of a record."""
     counts = _parts(np.diff(record.t), interval)
     _refuse_endless(record, counts, interval)
     n, counts = record.t.size, counts.astype(int)
@@ -123,17 +106,8 @@ def _refuse_endless(record: Record, counts: np.ndarray, interval: float) -> None
 def holds_at_one_interval(structure: str, module) -> bool:
     """Return whether a network is a map from sample to sample, and no correction of rates.
 
-    Parameters
-    ----------
-    structure : str
-        Meaning of the network's output.
-    module : Module or Module class
-        The core; one with a hidden state changes that from sample to sample.
-
-    Returns
-    -------
-    bool
-        Whether the network holds for the sample interval of its training only.
+    Such a network holds for the sample interval of its training only. `structure` is the meaning of
+    its output; a core with a hidden state changes that from sample to sample.
     """
     return structure not in ON_THE_MODEL or hasattr(module, "at_rest")
 
@@ -172,26 +146,8 @@ def _remedy(interval: float) -> str:
 def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> int:
     """Return how many steps of a network make a sample interval.
 
-    Parameters
-    ----------
-    wanted : float
-        The sample interval [s].
-    interval : float
-        Step of the network [s].
-    is_map : bool
-        Whether the network holds for that step only.
-    structure : str
-        Meaning of the network's output.
-
-    Returns
-    -------
-    int
-        The number; a `RecordWarning` says where no number fits.
-
-    Raises
-    ------
-    OptionError
-        If it is no time.
+    The wanted interval and the network's step are in seconds; `is_map` is whether it holds for that
+    step only. A `RecordWarning` says where no number fits.
     """
     check_sample_interval(wanted)
     parts = int(_parts(wanted, interval))

@@ -17,21 +17,11 @@ from sklearn_pgnn.simulation.network_run import (
 class StepNetwork(nn.Module):
     """A core in feedback, over windows of several steps.
 
-    Parameters
-    ----------
-    core : Module
-        Maps standardised features to the network's outputs; one that has ``at_rest`` also takes
-        and gives a hidden state.
-    step : NetworkStep
-        Definition of the network's step.
-    samples : dict of str to ndarray
-        Time ``t``, step ``dt``, acting inputs ``acting`` and ``acting_next`` of every training
-        sample, which the model's own step needs.
-    n_free : int, default=0
-        Parameters of the model that are trained, too.
+    The core maps standardised features to the network's outputs; one that has ``at_rest`` also
+    takes and gives a hidden state. `samples` has time ``t``, step ``dt``, acting inputs ``acting``
+    and ``acting_next`` of every training sample, which the model's own step needs; `n_free` is the
+    number of parameters of the model that are trained, too.
 
-    Notes
-    -----
     With ``teacher_forcing`` the measured state is fed back; otherwise the predicted state.
     ``changes`` are the relative changes of the parameters ``free``, which are kept in their range.
     """
@@ -52,29 +42,12 @@ class StepNetwork(nn.Module):
     def forward(self, x, u, t, index, prior=None, terms=None, simulated=None, features=None):
         """Predict the states of windows.
 
-        Parameters
-        ----------
-        x : Tensor of shape (n, length + 1, n_states)
-            Measured states; only the first is read, unless ``teacher_forcing``.
-        u : Tensor of shape (n, length, n_inputs)
-            Inputs from each sample to the next.
-        t : Tensor of shape (n, length + 1)
-            Times [s].
-        index : Tensor of shape (n, length)
-            Indices of the samples in `samples`.
-        prior : Tensor of shape (n, length, n_states), optional
-            The model's step from the measured states.
-        terms : Tensor of shape (n, length, n_terms), optional
-            The model's terms at the measured states.
-        simulated : Tensor of shape (n, length, n_states), optional
-            Open-loop simulation at the next sample.
-        features : Tensor of shape (n, length, n_features), optional
-            Further columns at the next sample.
-
-        Returns
-        -------
-        Tensor of shape (n, length, n_states)
-            Predicted states of the samples after the first.
+        `x`, of shape (n, length + 1, n_states), are measured states; only the first is read, unless
+        ``teacher_forcing``. `u`, (n, length, n_inputs), are inputs from each sample to the next,
+        `t`, (n, length + 1), times [s], and `index`, (n, length), indices of the samples in
+        `samples`. `prior` and `terms` are the model's step from, and its terms at, the measured
+        states; `simulated` and `features` the open-loop simulation and further columns at the next
+        sample. Return the states of the samples after the first, (n, length, n_states).
         """
         self._keep_in_range()
         hidden = self.core.at_rest(len(x)) if hasattr(self.core, "at_rest") else None

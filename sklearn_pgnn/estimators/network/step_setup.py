@@ -33,21 +33,8 @@ REACH = 1e3
 def find_structure(model: PhysicsModel, records, states, **options) -> str:
     """Compare the model with persistence, a tenth of the outputs' dominant period ahead.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        The training records.
-    states : list of ndarray
-        Their estimated states.
-    **options
-        Options of the simulation.
-
-    Returns
-    -------
-    {"increment", "correction"}
-        The structure.
+    Return ``"increment"`` or ``"correction"``; `states` are those of the records as estimated, and
+    `options` those of the simulation.
     """
     ahead = TRIAL_SHARE * dominant_period(records)
     count = max(1, TRIALS // len(records))
@@ -64,22 +51,7 @@ def find_structure(model: PhysicsModel, records, states, **options) -> str:
 
 
 def check_structure(structure: str, guide, has_model: bool) -> None:
-    """Refuse a structure or a guide that is invalid, or that lacks the model it needs.
-
-    Parameters
-    ----------
-    structure : str
-        The parameter.
-    guide : str or None
-        The parameter.
-    has_model : bool
-        Whether there is a model.
-
-    Raises
-    ------
-    ValueError
-        If a structure or guide is refused.
-    """
+    """Refuse a structure or a guide that is invalid, or that lacks the model it needs."""
     if structure not in ("auto", *STRUCTURES):
         raise ValueError(
             f"structure: expected 'auto' or one of {', '.join(STRUCTURES)}, got {structure!r}."
@@ -113,33 +85,9 @@ def make_step(
 ) -> NetworkStep:
     """Scale the inputs and outputs of the network by the training data.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : TrainingWindows
-        The training data.
-    structure : {"output", "increment", "correction", "dissipative"}
-        Meaning of the network's output.
-    guide : {None, "simulation", "step", "terms"}
-        What the network sees of the model.
-    hold : {"zoh", "foh"}
-        How the inputs vary between two samples.
-    substeps : int
-        Integration steps from sample to sample.
-    corrects : sequence of str, optional
-        The only states whose rates are corrected.
-    sees : sequence of str, optional
-        The only quantities that the network sees.
-    further : sequence of str
-        Names of the further columns.
-    middle : bool, default=False
-        Whether the network sees the state in the middle of the model's step.
-
-    Returns
-    -------
-    NetworkStep
-        The step, still without the core's sizes.
+    `corrects` are the only states whose rates are corrected, `sees` the only quantities that the
+    network sees, and `further` names the further columns; `middle` is whether it sees the state in
+    the middle of the model's step. The step is still without the core's sizes.
     """
     now = windows.pairs
     after, dt = now + 1, windows.samples["dt"][now]
@@ -180,21 +128,9 @@ def make_step(
 def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length: int | None):
     """Measure the root mean square error of the outputs of the base alone.
 
-    Parameters
-    ----------
-    step : NetworkStep
-        The step.
-    records : list of TrainingRecord
-        Trajectories.
-    outputs : callable
-        Returns the outputs of a `NetworkRecord` and its states.
-    length : int or None
-        Steps after which the base starts again from the measured state; None for never.
-
-    Returns
-    -------
-    ndarray of shape (n_outputs,)
-        The error, positive.
+    `outputs` returns the outputs of a `NetworkRecord` and its states; `length` is steps after which
+    the base starts again from the measured state, None for never. The error, of shape (n_outputs,),
+    is positive.
     """
     n_in, n_out = len(step.mean), step.n_network_outputs
     idle = replace(step, sizes=(n_in, n_out), loss=None)

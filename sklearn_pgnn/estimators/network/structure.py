@@ -43,25 +43,10 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
 def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=None) -> np.ndarray:
     """Scale the network's outputs by the quantities that they have to explain.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    structure : {"output", "increment", "correction"}
-        Meaning of the output.
-    x, x_next : ndarray of shape (n, n_states)
-        Measured states at both ends of every step.
-    prior : ndarray of shape (n, n_states) or None
-        The model's step from the measured states.
-    dt : ndarray of shape (n,)
-        Steps [s].
-    corrects : sequence of str, optional
-        The only states whose rates are corrected.
-
-    Returns
-    -------
-    ndarray of shape (3, n_states, n_outputs)
-        Matrices that multiply 1, the step and its square.
+    `x` and `x_next` are measured states at both ends of every step, and `prior` the model's step
+    from these, of shape (n, n_states); `dt` are the steps [s], and `corrects` the only states whose
+    rates are corrected. Return matrices that multiply 1, the step and its square, of shape (3,
+    n_states, n_outputs).
     """
     states = list(model.states)
     own = corrected_states(model, structure)
@@ -87,26 +72,9 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=
 def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]:
     """Return the states that a network can take energy out of.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    corrects : sequence of str, optional
-        The only states to consider; by default all that the stored energy depends on, except
-        positions.
-    free : sequence of str, default=()
-        Parameters that are trained.
-
-    Returns
-    -------
-    tuple of str
-        The states.
-
-    Raises
-    ------
-    ValueError
-        If the stored energy does not depend on one of them, is not quadratic in them together, or
-        depends on them by a parameter that is trained.
+    `corrects` are the only states to consider, by default all that the stored energy depends on,
+    except positions. The energy must be quadratic in them together, and depend on them by no
+    parameter that is trained, one of `free`.
     """
     what, stored = "structure='dissipative'", model.energy.get("stored")
     if stored is None:
@@ -147,26 +115,10 @@ def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]
 def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissipation:
     """Scale what a network takes out of some states by the model's error in them.
 
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    states : tuple of str
-        The states.
-    samples : dict of str to ndarray
-        Time ``t``, step ``dt`` and acting inputs ``acting`` of every step.
-    x_next, prior : ndarray of shape (n, n_states)
-        Measured states at the end of every step, and those of the model's step.
-
-    Returns
-    -------
-    Dissipation
-        The states, with their scales.
-
-    Raises
-    ------
-    ValueError
-        If the energy grows less than linearly along some direction of the states.
+    `samples` has time ``t``, step ``dt`` and acting inputs ``acting`` of every step; `x_next` and
+    `prior`, of shape (n, n_states), are the measured states at its end, and those of the model's
+    step. An energy that grows less than linearly along some direction of the states raises
+    `ValueError`.
     """
     parts = energy_values(model, states, samples["t"], prior, samples["acting"])[0]
     m, places = len(states), [list(model.states).index(name) for name in states]
@@ -185,20 +137,10 @@ def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissi
 def choose_structure(measured, foretold, begun) -> str:
     """Choose a correction where the model predicts most of the change of the states.
 
-    Parameters
-    ----------
-    measured : ndarray of shape (n, n_states)
-        Measured states at the end of several short windows.
-    foretold : ndarray of shape (n, n_states)
-        States that the model predicts from the measured states at the beginning of the windows.
-    begun : ndarray of shape (n, n_states)
-        The measured states at the beginning of the windows.
-
-    Returns
-    -------
-    {"correction", "increment"}
-        The structure: a correction where, over the states, the mean of the squared error as a
-        share of persistence's is below `FORETOLD`.
+    All have shape (n, n_states): `measured` states at the end of several short windows, those that
+    the model predicts from the measured ones at the beginning, and these. The structure is a
+    correction where, over the states, the mean of the squared error as a share of persistence's is
+    below `FORETOLD`, else an increment.
     """
     by_model = np.mean((measured - foretold) ** 2, axis=0)
     by_persistence = np.mean((measured - begun) ** 2, axis=0)

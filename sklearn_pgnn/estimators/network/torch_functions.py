@@ -32,22 +32,7 @@ _EXTREMES = {sympy.Max: torch.maximum, sympy.Min: torch.minimum}
 def torch_value(expression, values) -> torch.Tensor:
     """Evaluate an expression on tensors, differentiably.
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        An expression of a model.
-    values : dict of str to Tensor or float
-        Value of every name in the expression; all tensors have the same shape.
-
-    Returns
-    -------
-    Tensor
-        The value, of that shape.
-
-    Raises
-    ------
-    ValueError
-        If torch has no such function.
+    All tensors have the same shape, and so has the value.
 
     Examples
     --------

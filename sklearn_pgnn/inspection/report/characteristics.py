@@ -21,14 +21,7 @@ CLOUD = 1500
 class Characteristic:
     """A characteristic as it is drawn.
 
-    Parameters
-    ----------
-    name, title, x_label, y_label, note : str
-        Of what it is, and what is drawn.
-    keys : tuple of (str, str)
-        Class and name of everything that is drawn.
-    plot : Markup
-        The picture.
+    `keys` are class and name of everything that is drawn.
     """
 
     name: str

@@ -16,12 +16,7 @@ TIGHT, SHADES = 0.9, 5
 class Cell:
     """A correlation as it is shown.
 
-    Parameters
-    ----------
-    text : str
-        Its value, empty above the diagonal's place.
-    css : str
-        Its colour.
+    The text is empty above the diagonal's place.
     """
 
     text: str
@@ -32,14 +27,7 @@ class Cell:
 class Correlation:
     """The correlations of the parameters.
 
-    Parameters
-    ----------
-    names : list of str
-        The parameters of the model and of its causes.
-    rows : list of (str, list of Cell)
-        The lower triangle.
-    tight : list of str
-        The pairs that hide each other, in words.
+    `rows` are the lower triangle, and `tight` the pairs that hide each other, in words.
     """
 
     names: list[str]

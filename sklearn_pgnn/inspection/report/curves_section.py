@@ -21,12 +21,7 @@ BAND, FAR = 2.0, 8.0
 class Curves:
     """A record as it was measured and simulated.
 
-    Parameters
-    ----------
-    title : str
-        Which record.
-    plots : tuple of (str, Markup)
-        What is drawn, and its plot.
+    `plots` has what is drawn, and its plot.
     """
 
     title: str
@@ -37,14 +32,8 @@ class Curves:
 class CurveDrawer:
     """Draws records and what models make of them.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    simulated : mapping of str to ndarray of shape (n_samples, n_outputs)
-        By the model's key in `MODELS`, its outputs on all records, end to end.
-    restarts : bool
-        Whether the models restart on every window.
+    `simulated` has, by the model's key in `MODELS`, its outputs on all records, end to end, of
+    shape (n_samples, n_outputs); `restarts` is whether the models restart on every window.
     """
 
     diagnosis: ModelDiagnosis

@@ -21,16 +21,7 @@ WORST = 1.25
 class CandidateRow:
     """A candidate.
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    left : str
-        What it leaves, in words.
-    named : bool
-        Whether it was named.
-    picture : Markup
-        Its strip.
+    `left` is what it leaves, in words.
     """
 
     name: str
@@ -43,12 +34,7 @@ class CandidateRow:
 class DotPlot:
     """The candidates.
 
-    Parameters
-    ----------
-    rows : list of CandidateRow
-        The named causes first, then the best.
-    ticks : Markup
-        The axis.
+    The named causes come first, then the best.
     """
 
     rows: list[CandidateRow]

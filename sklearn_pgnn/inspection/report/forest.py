@@ -14,14 +14,8 @@ from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, stri
 class ParameterRow:
     """A parameter of the prior.
 
-    Parameters
-    ----------
-    name, prior, value, change, state : str
-        What it is called, its values and how far it moved, and what is to be said of it.
-    css : str
-        Whether it changed, or is to be looked at.
-    picture : Markup
-        Its strip; empty where it cannot be drawn.
+    `state` is what is to be said of it, `css` whether it changed or is to be looked at; its strip
+    is empty where it cannot be drawn.
     """
 
     name: str
@@ -37,12 +31,7 @@ class ParameterRow:
 class Forest:
     """The parameters.
 
-    Parameters
-    ----------
-    rows : list of ParameterRow
-        One for every free parameter.
-    ticks : Markup
-        The axis, in percent of the given value.
+    The axis is in percent of the given value.
     """
 
     rows: list[ParameterRow]

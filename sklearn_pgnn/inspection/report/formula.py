@@ -24,16 +24,8 @@ from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_
 class Term:
     """A term of the formula.
 
-    Parameters
-    ----------
-    name : str
-        What its coefficient is called in the model.
-    expression : sympy.Expr
-        The term without its coefficient.
-    coefficient : Estimate
-        Its coefficient with its interval.
-    largest : float
-        The largest magnitude of the term with its coefficient in the records.
+    `name` is what its coefficient is called in the model; `expression` is without the coefficient,
+    `largest`, the largest magnitude in the records, with it.
     """
 
     name: str
@@ -46,10 +38,7 @@ class Term:
 class FoundFormula:
     """The formula of a diagnosis.
 
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis whose `discrepancy_` is not None.
+    The `discrepancy_` of the diagnosis is not None.
     """
 
     diagnosis: ModelDiagnosis

@@ -16,20 +16,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 class Member:
     """A cause, or what may stand in its place.
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    effect : Effect
-        What it is.
-    probability : float
-        Probability that it is the cause.
-    left : float
-        What the model with it leaves, in units of the noise.
-    fit : FittedWindows
-        The model with it, on the windows of the diagnosis.
-    model : PhysicsModel
-        The same, to be handed over.
+    `left` is what the model with it leaves, in units of the noise.
     """
 
     name: str

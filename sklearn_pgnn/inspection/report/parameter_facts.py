@@ -8,16 +8,10 @@ from dataclasses import dataclass
 class ParameterFacts:
     """What became of the free parameters of a model and of its causes.
 
-    Parameters
-    ----------
-    changed : tuple of str
-        Those whose interval leaves the value out that was given.
-    at_limit : tuple of str
-        Those at the end of what the fit allowed, of the model or of a cause.
-    held : tuple of str
-        Those that the fit held where they were: beside the others the records do not fix them.
-    open : tuple of str
-        Those whose interval is not finite: the records do not fix them.
+    The interval of those `changed` leaves the value out that was given; those `at_limit` are at the
+    end of what the fit allowed, of the model or of a cause. The fit held those `held` where they
+    were: beside the others the records do not fix them. Nor do they fix those `open`, whose
+    interval is not finite.
     """
 
     changed: tuple[str, ...]

@@ -27,12 +27,7 @@ CELLS, LEAST, SHADES = 34, 3, 8
 class Panel:
     """A map.
 
-    Parameters
-    ----------
-    title, scale : str
-        What it shows, and what the full colours stand for.
-    plot : Markup
-        The picture.
+    `scale` is what the full colours stand for.
     """
 
     title: str
@@ -44,12 +39,7 @@ class Panel:
 class Maps:
     """Maps over the same two quantities.
 
-    Parameters
-    ----------
-    title, x_label, y_label : str
-        What is mapped over what.
-    panels : tuple of Panel
-        As the records show it; and with a formula what that says, and what is left over.
+    The panels are as the records show it, and with a formula what that says, and what is left over.
     """
 
     title: str

@@ -16,15 +16,7 @@ BINS, REACH = 41, 4.0
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """A picture of the residuals of an output.
-
-    Parameters
-    ----------
-    title, x_label : str
-        What it shows over what.
-    plot : Markup
-        The picture.
-    """
+    """A picture of the residuals of an output."""
 
     title: str
     x_label: str

@@ -30,16 +30,8 @@ SURE = 0.95
 class Tile:
     """A tile of a report.
 
-    Parameters
-    ----------
-    state : {"good", "look", "bad"}
-        Green, amber or red.
-    about : str
-        What it is about.
-    headline : str
-        The one thing to see.
-    text : str
-        What belongs to it.
+    Its state is ``"good"``, ``"look"`` or ``"bad"``: green, amber or red. The headline is the one
+    thing to see.
     """
 
     state: str

@@ -12,14 +12,8 @@ from sklearn_pgnn.inspection.yardstick import together
 class Part:
     """A part of the given model's error.
 
-    Parameters
-    ----------
-    kind : {"retuning", "cause", "formula", "left", "noise"}
-        What sort of part it is.
-    name : str
-        Who took it away, or what it is.
-    before, after : float
-        The error before and after, in units of the noise.
+    Its kind is ``"retuning"``, ``"cause"``, ``"formula"``, ``"left"`` or ``"noise"``; the errors
+    before and after it are in units of the noise.
     """
 
     kind: str
@@ -58,14 +52,7 @@ def parts_of_error(diagnosis) -> list[Part]:
 class Segment:
     """A part as it is drawn.
 
-    Parameters
-    ----------
-    part : Part
-        The part.
-    start, width : str
-        Where it begins and how wide it is, in percent of the whole.
-    text : str
-        What it says.
+    Where it begins and how wide it is, are in percent of the whole.
     """
 
     part: Part

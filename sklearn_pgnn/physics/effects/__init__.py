@@ -209,25 +209,13 @@ def by_id(effect: str) -> type[Effect]:
 
 
 def frequent_first(causes: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return effects in the order of `FREQUENT`, all others after these in their own order.
-
-    Examples
-    --------
-    >>> [each.id for each in frequent_first([Cogging("v"), Leak("h"), CoulombFriction("v")])]
-    ['coulomb_friction', 'leak', 'cogging']
-    """
+    """Return effects in the order of `FREQUENT`, all others after these in their own order."""
     place = {kind: i for i, kind in enumerate(FREQUENT)}
     return tuple(sorted(causes, key=lambda cause: place.get(type(cause), len(place))))
 
 
 def find_effect(effect: str) -> type[Effect]:
-    """Return the effect with a given id: of the catalogue, or any other that is defined.
-
-    Examples
-    --------
-    >>> find_effect("leak").__name__
-    'Leak'
-    """
+    """Return the effect with a given id: of the catalogue, or any other that is defined."""
     own = [kind for kind in _kinds_of(Effect) if getattr(kind, "id", None) == effect]
     catalogued = any(kind.id == effect for kind in CATALOGUE)
     return by_id(effect) if catalogued or not own else own[-1]

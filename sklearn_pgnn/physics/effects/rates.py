@@ -107,14 +107,7 @@ def is_moving(model: PhysicsModel, port: Port) -> bool:
 
 
 def worded_for(model: PhysicsModel, effect: Effect) -> tuple[str, str]:
-    """Return an effect's summary and check: of a torque where it turns, of a reading of an input.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.systems import golf_robot
-    >>> worded_for(golf_robot(), ConstantLoad("omega"))[0][:42]
-    'A torque of constant size and direction: w'
-    """
+    """Return an effect's summary and check: of a torque where it turns, of an input's reading."""
     told = effect.of_reading if is_measured(model, effect.target) else ()
     summary, check = told or (effect.summary, effect.check)
     if effect.target in model.ports and model.port(effect.target).unit.endswith("N m"):
