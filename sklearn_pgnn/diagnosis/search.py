@@ -80,7 +80,7 @@ class Search:
                 self.ladder.screen()  # what every candidate leaves alone is told
                 self.current = begin
             self._climb_and_prune()
-            if self._needs_further():
+            if len(self.ladder.candidates) < len(self.same):  # those that imitate simpler ones
                 self.ladder.widen(frequent_first(self.same))
                 self._climb_and_prune()
             return self._result(complete=True)
@@ -89,12 +89,6 @@ class Search:
     def _climb_and_prune(self) -> None:
         self._climb_and_simplify()
         self._prune_and_climb()
-
-    def _needs_further(self) -> bool:
-        """Return whether there are further candidates, and one of the others does not suffice."""
-        if len(self.ladder.candidates) == len(self.same):
-            return False
-        return len(self.current.hypothesis.causes) != 1 or self._is_worth_patience(self.current)
 
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far, without needless causes as far as the time allows."""

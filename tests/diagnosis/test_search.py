@@ -58,12 +58,10 @@ def test_the_order_of_the_candidates_does_not_matter(plain):
 
 
 @pytest.mark.slow
-def test_what_imitates_others_is_tried_where_one_of_them_does_not_suffice(plain):
+def test_what_imitates_others_has_to_refute_them(plain):
     found = diagnose(*rubbing(), catalogue=(effects.InputCurve, *KINDS))
     assert_same(found, plain)
-    assert "input_curve" not in {tried.effect for tried in found.candidates_}
-    alone = diagnose(*rubbing(), catalogue=(effects.InputCurve,))
-    assert "input_curve" in {tried.effect for tried in alone.candidates_}
+    assert "input_curve" in {tried.effect for tried in found.candidates_}
 
 
 @pytest.mark.slow

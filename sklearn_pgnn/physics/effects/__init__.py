@@ -157,7 +157,7 @@ FREQUENT: tuple[type[Effect], ...] = (
 )
 
 #: with several numbers, or states that no output tells, these imitate simpler effects: they are
-#: tried where the others leave something, or more than one of them is needed
+#: tried after the others, and have to refute what was found
 FURTHER: frozenset[type[Effect]] = frozenset(
     {
         LoadStribeckFriction,
