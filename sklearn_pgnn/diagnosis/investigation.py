@@ -322,11 +322,15 @@ class Investigation:
     def _try_differences(self, found: Findings) -> None:
         """Search again with what may differ between records, where that explains what is left.
 
-        The other candidates are tried anew beside it: what was named may have stood for it.
+        The other candidates are tried anew beside it: what was named may have stood for it. Of a
+        small residual that depends on nothing recorded, a difference must leave only noise.
         """
         fitter, share = found.search.fitter, found.search.criterion.smallest_share
-        if not found.search.compare.leaves_what_may_depend(found.result.final):
+        compare = found.search.compare
+        if not compare.leaves_what_may_depend(found.result.final):
             return
+        has_structure = found.structure is not None and found.structure.is_significant
+        is_clear = has_structure or compare.leaves_much(found.result.final)
         self.progress.begin("differences between records")
         fits = (found.result.final.fit, found.result.base.fit)
         groups = [group for fit in fits if (group := find_group(fitter.problem, fit))]
@@ -342,8 +346,10 @@ class Investigation:
                 n_compared=self.n_compared + len(marked.candidates) * n_groups(fitter.problem),
             )
             again = wider._search(wider._fitter(fitter.problem.windows.hold))
-            causes = again.result.final.hypothesis.causes
-            if again.result.complete and set(marked.candidates) & set(causes):
+            final = again.result.final
+            is_named = bool(set(marked.candidates) & set(final.hypothesis.causes))
+            is_all = not again.search.compare.leaves_what_may_depend(final)
+            if again.result.complete and is_named and (is_clear or is_all):
                 vars(self).update(vars(wider), searched=again)
                 self.groups[marked.column] = tuple(self.records[r].name for r in group.records)
                 return self._try_differences(again)
