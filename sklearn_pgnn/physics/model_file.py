@@ -24,6 +24,7 @@ from sklearn_pgnn.physics.lagrangian import SECTION
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import is_text
 from sklearn_pgnn.physics.unit_check import check_units, unknown_units
+from sklearn_pgnn.readings import reading
 from sklearn_pgnn.user_line import warn_user
 from sklearn_pgnn.whole_file import is_stream, write_whole
 
@@ -77,6 +78,12 @@ def read_model(path) -> PhysicsModel:
     return _Reader(os.fspath(path)).model()
 
 
+def robot_in(path) -> dict | None:
+    """Return the section ``robot`` of a model file, None where it has none."""
+    reader = _Reader(os.fspath(path))
+    return reader.document(reader.root()).get("robot")
+
+
 def write_model(model: PhysicsModel, path=None) -> str:
     """Write a model as a model file.
 
@@ -104,12 +111,18 @@ def write_model(model: PhysicsModel, path=None) -> str:
     equations:
       y: "-y/T"
     """
+    text = written_parts(model.to_dict())
+    if path is not None:
+        write_whole(Path(path), text)
+    return text
+
+
+def written_parts(parts: dict) -> str:
+    """Return the parts of a model file as its text."""
     yaml = YAML(typ="rt")
     yaml.width = 2**31
     text = io.StringIO()
-    yaml.dump(_written(model.to_dict()), text)
-    if path is not None:
-        write_whole(Path(path), text.getvalue())
+    yaml.dump(_written(parts), text)
     return text.getvalue()
 
 
@@ -135,7 +148,7 @@ class _Reader:
     def model(self) -> PhysicsModel:
         data = self.document(self.root())
         try:
-            model = PhysicsModel.from_dict(data)
+            model = self.built(data)
         except ModelError as error:
             self.refuse(self.place(error.where), str(error))
         self.warn_of_unused(model.unused_parameters)
@@ -143,6 +156,12 @@ class _Reader:
         remedy = "correct the term, or the unit of what is in it"
         self.warn(UnitWarning, check_units(model), remedy)
         return model
+
+    def built(self, data: dict) -> PhysicsModel:
+        """Return the model of a file's parts, whose machine may be that of a robot's file."""
+        if "robot" not in data:
+            return PhysicsModel.from_dict(data)
+        return reading("robot_model")(data, Path(self.path).parent)
 
     def place(self, where: tuple[str, ...]) -> Node | None:
         """Return the node of a key, or of the part that it is in, or follows from."""
@@ -210,7 +229,9 @@ class _Reader:
             data[key] = _SECTIONS[key](self, value, key)
         balances = ("lagrangian", "forces", "flows")
         needed = ("states",) if any(map(data.get, balances)) else ("states", "equations")
-        for key in needed:
+        for key in _OF_ROBOTS & data.keys() if "robot" in data else ():
+            self.refuse(self.places[(key,)], f"expected no {key!r} beside 'robot', whose it has.")
+        for key in () if "robot" in data else needed:
             if not data.get(key):
                 self.refuse(self.places.get((key,), root), f"expected {key!r}, got none.")
         data.setdefault("parameters", {})
@@ -333,6 +354,17 @@ class _Reader:
             found[key] = self.nested(value, part, key) if nested else self.text_of(value, key)
         return found
 
+    def robot(self, node, part):
+        found = {}
+        for key, value in self.items(node, part, (part,)):
+            if key not in _ROBOT:
+                expected = ", ".join(_ROBOT)
+                self.refuse(self.places[part, key], f"unknown key {key!r}; expected {expected}.")
+            found[key] = _ROBOT[key](self, value, f"{part}.{key}")
+        if "file" not in found:
+            self.refuse(self.places[part,], "robot: expected the key 'file', got none.")
+        return found
+
     def nested(self, node, part, key) -> dict[str, str]:
         """Read a mapping within a section."""
         entries = self.items(node, f"{part}.{key}", (part, key))
@@ -400,6 +432,7 @@ class _Reader:
 
 _SECTIONS = {
     "name": _Reader.title,
+    "robot": _Reader.robot,
     "states": _Reader.units,
     "inputs": _Reader.units,
     "outputs": _Reader.outputs,
@@ -419,6 +452,16 @@ _SECTIONS = {
     "simulation": _Reader.simulation,
     "let": _Reader.texts,
     "ports": _Reader.ports,
+}
+#: parts of a model that are a robot's own
+_OF_ROBOTS = {"equations", "inertia", "forces", "capacity", "flows", "lagrangian", "energy", "let"}
+_ROBOT = {
+    "file": _Reader.text_of,
+    "payload": _Reader.text_of,
+    "controls": _Reader.truth,
+    "base_parameters": _Reader.truth,
+    "armatures": _Reader.truth,
+    "effort_limits": _Reader.truth,
 }
 _PARAMETER = {
     "value": _Reader.number,
