@@ -8,7 +8,7 @@ from sklearn_pgnn.cli.records import read_model
 from sklearn_pgnn.cli.template import COMMENTS, columns_in, say_what_is_next
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import written_parts
-from sklearn_pgnn.priors.robot_section import OPTIONS, ROBOTS, is_robot, relative_to, robot_parts
+from sklearn_pgnn.priors.robot_section import is_robot, options_of, relative_to, robot_parts
 
 HEAD = """\
 # A model file of sklearn-pgnn: a robot, whose equations of motion follow from its description.
@@ -75,6 +75,5 @@ def commented_robot(
 
 def _options(robot: str) -> str:
     """Return the options of the section ``robot`` for a file."""
-    ending = next(end for end in ROBOTS if robot.lower().endswith(end))
-    names = (name for name in OPTIONS[ROBOTS[ending]] if name != "payload")
+    names = (name for name in options_of(robot) if name != "payload")
     return ", ".join(["payload: BODY", *(f"{name}: true" for name in names)])

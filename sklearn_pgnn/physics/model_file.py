@@ -130,12 +130,16 @@ def written_parts(parts: dict) -> str:
 
 
 class _Reader:
-    """Read the nodes of one file; `places` holds the node of every key."""
+    """Read the nodes of one file; `places` holds the node of every key.
+
+    `computed` names the entries that do not stand in the file.
+    """
 
     def __init__(self, path: str):
         self.path = path
         self.places: dict[tuple[str, ...], Node] = {}
         self.seen: set[int] = set()
+        self.computed: set[str] = set()
 
     def refuse(self, node: Node | None, why: str) -> NoReturn:
         mark = None if node is None else node.start_mark
@@ -154,14 +158,17 @@ class _Reader:
         self.warn_of_unused(model.unused_parameters)
         self.warn(UnitWarning, unknown_units(model), "correct it, or leave it out")
         remedy = "correct the term, or the unit of what is in it"
-        self.warn(UnitWarning, check_units(model), remedy)
+        written = (said for said in check_units(model) if said.split(":")[0] not in self.computed)
+        self.warn(UnitWarning, written, remedy)
         return model
 
     def built(self, data: dict) -> PhysicsModel:
         """Return the model of a file's parts, whose machine may be that of a robot's file."""
         if "robot" not in data:
             return PhysicsModel.from_dict(data)
-        return reading("robot_model")(data, Path(self.path).parent)
+        model = reading("robot_model")(data, Path(self.path).parent)
+        self.computed = {f"equations.{state}" for state in model.states}
+        return model
 
     def place(self, where: tuple[str, ...]) -> Node | None:
         """Return the node of a key, or of the part that it is in, or follows from."""
@@ -432,7 +439,6 @@ class _Reader:
 
 _SECTIONS = {
     "name": _Reader.title,
-    "robot": _Reader.robot,
     "states": _Reader.units,
     "inputs": _Reader.units,
     "outputs": _Reader.outputs,
@@ -452,6 +458,7 @@ _SECTIONS = {
     "simulation": _Reader.simulation,
     "let": _Reader.texts,
     "ports": _Reader.ports,
+    "robot": _Reader.robot,
 }
 #: parts of a model that are a robot's own
 _OF_ROBOTS = {"equations", "inertia", "forces", "capacity", "flows", "lagrangian", "energy", "let"}

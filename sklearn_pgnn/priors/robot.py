@@ -181,7 +181,7 @@ def _model(
     name: str, joints: list[Joint], drive: Drive, tree: RigidTree, more: Mapping
 ) -> PhysicsModel:
     q, w = [joint.q for joint in joints], [joint.w for joint in joints]
-    parameters = dict(drive.parameters)
+    parameters: dict[str, Any] = dict(drive.parameters)
     for joint in joints:
         parameters |= joint.parameters
     for each in tree.added:

@@ -4,7 +4,7 @@ States, inputs and ports are those of the robot; where the model file lists them
 same. Its parameters may get other values, bounds and spreads, and there may be others.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike, path
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,13 @@ from sklearn_pgnn.physics.model_parts import parameter_dict
 from sklearn_pgnn.priors.robot import from_mjcf, from_urdf
 
 #: how a robot's file is read, by its ending, and what the section says besides
-ROBOTS = {".urdf": from_urdf, ".xml": from_mjcf, ".mjcf": from_mjcf}
-BOTH = ("payload", "base_parameters", "armatures")
-OPTIONS = {from_urdf: (*BOTH, "effort_limits"), from_mjcf: (*BOTH, "controls")}
+ROBOTS: dict[str, Callable[..., PhysicsModel]] = {
+    ".urdf": from_urdf,
+    ".xml": from_mjcf,
+    ".mjcf": from_mjcf,
+}
+_BOTH = ("payload", "base_parameters", "armatures")
+_OWN = {".urdf": "effort_limits", ".xml": "controls", ".mjcf": "controls"}
 #: what the model file says of a robot in place of its file
 TOLD = ("name", "outputs", "initial_state", "columns", "channels", "simulation")
 
@@ -27,6 +31,11 @@ TOLD = ("name", "outputs", "initial_state", "columns", "channels", "simulation")
 def is_robot(file: str | PathLike) -> bool:
     """Return whether a file is a robot's description, by its ending."""
     return Path(file).suffix.lower() in ROBOTS
+
+
+def options_of(file: str | PathLike) -> tuple[str, ...]:
+    """Return what the section can say of a robot's file."""
+    return (*_BOTH, _OWN[Path(file).suffix.lower()])
 
 
 def described_in(file: str | PathLike) -> Path | None:
@@ -53,16 +62,16 @@ def robot_model(data: Mapping[str, Any], folder: Path) -> PhysicsModel:
 
 def _read(file: Path, options: Mapping[str, Any]) -> PhysicsModel:
     """Return the model of a robot's file."""
-    read = ROBOTS.get(file.suffix.lower())
-    if read is None:
+    if not is_robot(file):
         raise ModelError(
             f"robot.file: expected a file that ends in {', '.join(ROBOTS)}, got {file.name!r}.",
             ("robot", "file"),
         )
+    read, known = ROBOTS[file.suffix.lower()], options_of(file)
     for name in options:
-        if name not in OPTIONS[read]:
+        if name not in known:
             raise ModelError(
-                f"robot.{name}: {read.__name__} knows {', '.join(OPTIONS[read])}, not this.",
+                f"robot.{name}: expected one of {', '.join(known)} of {file.name}, got this.",
                 ("robot", name),
             )
     try:

@@ -67,7 +67,8 @@ def test_init_writes_a_model_file_of_a_robot(tmp_path, monkeypatch):
     text = (tmp_path / "model.yaml").read_text()
     assert "\nrobot: {file: arm.urdf}\n" in text
     assert "# The columns of your file: trajectory, t, q_j1, q_j2, tau_j1, tau_j2." in text
-    assert "\ninputs: {tau_j1: N m, tau_j2: N m}\noutputs: {q_j1: q_j1, q_j2: q_j2}\n" in text
+    assert "\ninputs: {tau_j1: N m, tau_j2: N m}\n" in text
+    assert "\noutputs: {q_j1: q_j1, q_j2: q_j2}\n" in text
     assert '\n  j2: {effort: tau_j2, flow: w_j2, displacement: q_j2, unit: "N m"}\n' in text
     assert PhysicsModel.from_yaml(tmp_path / "model.yaml") == from_urdf(tmp_path / "arm.urdf")
     checked = CliRunner().invoke(main, ["check", "--model", "model.yaml", "run.csv"])
@@ -80,6 +81,7 @@ PENDULUM = """<mujoco><worldbody><body><joint name="j" axis="0 1 0" damping="0.3
 <actuator><motor name="drive" joint="j" gear="30"/></actuator></mujoco>"""
 
 
+@pytest.mark.filterwarnings("error")
 def test_init_takes_mjcf_in_place_of_records(tmp_path):
     (tmp_path / "robot.xml").write_text(PENDULUM)
     (tmp_path / "models").mkdir()

@@ -63,7 +63,7 @@ def test_a_parameter_that_nothing_uses_is_warned_of(written):
         (HEAD.replace("six", "five"), "2:9: .*five.urdf: expected a URDF file, got: No such file"),
         (
             HEAD.replace("six.urdf", "six.urdf, controls: true"),
-            "from_urdf knows payload, .*not this",
+            "robot.controls: expected one of payload, .* got this",
         ),
     ],
 )
