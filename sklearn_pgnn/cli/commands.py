@@ -136,7 +136,7 @@ def fit(model, data, output, force, as_json, quiet, debug, **options):
             progress("fitting")
             with told_warnings(UserWarning):
                 job.run()
-            write_file(output, job.regressor.model_.to_yaml(), force=force)
+            write_file(output, job.text(output), force=force)
         job.print_summary(output, as_json=as_json, quiet=quiet)
 
 

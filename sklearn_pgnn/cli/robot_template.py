@@ -7,8 +7,7 @@ from sklearn_pgnn.cli.output import refuse_existing, write_file
 from sklearn_pgnn.cli.records import read_model
 from sklearn_pgnn.cli.template import COMMENTS, columns_in, say_what_is_next
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.model_file import written_parts
-from sklearn_pgnn.priors.robot_section import is_robot, options_of, relative_to, robot_parts
+from sklearn_pgnn.priors.robot_section import is_robot, options_of, robot_text
 
 HEAD = """\
 # A model file of sklearn-pgnn: a robot, whose equations of motion follow from its description.
@@ -58,11 +57,8 @@ def commented_robot(
     lines = [HEAD.format(path=one_line(path)).rstrip()]
     if header:
         lines.append(f"# The columns of your file: {one_line(', '.join(header))}.")
-    parts = {
-        name: part for name, part in robot_parts(model, relative_to(robot, path)).items() if part
-    }
     comments = {**COMMENTS, **OWN, "robot": OWN["robot"].format(options=_options(robot))}
-    for line in written_parts(parts).splitlines():
+    for line in robot_text(model, robot, path).splitlines():
         part = line.split(":")[0]
         if part in comments:
             lines += ["", *(f"# {text}" for text in comments[part].split("\n"))]

@@ -95,8 +95,11 @@ def from_urdf(
     >>> with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
     ...     _ = file.write(text), file.flush()
     ...     crank = from_urdf(file.name)
+    ...     free = from_urdf(file.name, base_parameters=True)
     >>> list(crank.states), list(crank.inputs), crank.parameters["damping_hub"].unit
     (['q_hub', 'w_hub'], ['tau_hub'], 'N m/(rad/s)')
+    >>> list(free.parameters)
+    ['damping_hub', 'moment_x_hub', 'moment_z_hub', 'inertia_yy_hub']
     """
     path = os.fspath(path)
     m = read_urdf(path)

@@ -12,7 +12,7 @@ from typing import Any
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.model_file import robot_in
+from sklearn_pgnn.physics.model_file import robot_in, written_parts
 from sklearn_pgnn.physics.model_parts import parameter_dict
 from sklearn_pgnn.priors.robot import from_mjcf, from_urdf
 
@@ -104,7 +104,21 @@ def robot_parts(robot: PhysicsModel, file: str) -> dict[str, Any]:
         "parameters": {name: parameter_dict(p) for name, p in robot.parameters.items()},
         "delays": dict(robot.delays),
         "initial_state": {name: at for name, at in robot.initial_state.items() if at},
+        "columns": dict(robot.columns),
+        "channels": dict(robot.channels),
+        "simulation": dict(robot.simulation),
     }
+
+
+def robot_text(robot: PhysicsModel, source: str | PathLike, target: str | PathLike) -> str:
+    """Return a robot as the text of a model file, from the description or model file it is of."""
+    description = described_in(source)
+    if description is None:
+        raise ModelError(f"{source}: expected a robot's description, or a model file of one.")
+    parts = robot_parts(robot, relative_to(description, target))
+    if not is_robot(source):
+        parts["robot"] = {**(robot_in(source) or {}), **parts["robot"]}
+    return written_parts({name: part for name, part in parts.items() if part})
 
 
 def _port(robot: PhysicsModel, name: str) -> dict[str, str]:

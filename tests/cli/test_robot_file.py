@@ -95,6 +95,20 @@ def test_init_takes_mjcf_in_place_of_records(tmp_path):
     assert "expected a new file, got an existing one" in again.output
 
 
+def test_a_fit_writes_a_model_file_that_names_the_description(tmp_path):
+    m = mujoco.MjModel.from_xml_string(six_axes(1, damping=(5.0,)))
+    moved_records(m, ["j1"], records=1, samples=300).to_csv(tmp_path / "run.csv", index=False)
+    (tmp_path / "arm.urdf").write_text(six_axes(1))
+    source, fitted = tmp_path / "model.yaml", tmp_path / "fitted.yaml"
+    source.write_text("robot: {file: arm.urdf, armatures: true}\ncolumns: {q_j1: q_j1}\n")
+    asked = ["fit", "--model", str(source), str(tmp_path / "run.csv"), "--output", str(fitted)]
+    result = CliRunner().invoke(main, asked)
+    assert result.exit_code == 0, result.output
+    found = PhysicsModel.from_yaml(fitted)
+    assert found.parameters["damping_j1"].value == pytest.approx(5.0, rel=0.02)
+    assert "robot: {file: arm.urdf, armatures: true}" in fitted.read_text()
+
+
 def test_init_without_mujoco_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "mujoco", None)
