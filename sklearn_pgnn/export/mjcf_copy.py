@@ -55,7 +55,8 @@ class MjcfCopy(RobotCopy):
         if armature is not None and differs(armature.value, known):
             own = float(self.m.dof_armature[self.joints.index(effort.joint)])
             if own + armature.value < known:
-                yield f"an armature below that of the actuator at joint {effort.joint.name}"
+                of = f"joint {effort.joint.name} below that of its actuators, {known - own:.6g}"
+                yield f"an armature at {of} {armature.unit}"
             node.set("armature", number_text(own + armature.value - known))
 
     def stop(self, node, effort):

@@ -110,6 +110,10 @@ def test_end_stops_are_the_ends_of_the_travel(urdf, mjcf, tmp_path):
     m = mujoco.MjModel.from_xml_path(str(to_mjcf(found, mjcf, tmp_path / "found.xml")))
     np.testing.assert_allclose(m.jnt_range[0], [-0.5, 0.75])
     assert m.jnt_limited.tolist() == [1, 0]
+    mjcf.write_text(PAIR.format('range="-40 60"'))
+    found = from_mjcf(mjcf) + effects.EndStop("a", **stop)
+    m = mujoco.MjModel.from_xml_path(str(to_mjcf(found, mjcf, tmp_path / "found.xml")))
+    np.testing.assert_allclose(m.jnt_range[0], [np.radians(-40), 0.75])
 
 
 def test_the_stiffness_of_a_stop_is_left_out_with_a_word(urdf, tmp_path):
@@ -194,6 +198,16 @@ def test_inertias_that_stand_for_several_links_are_not_written(urdf, tmp_path):
     to_urdf(arm, urdf, tmp_path / "same.urdf")
     with pytest.raises(ModelError, match=r"moment_x_j2 = 9 kg m in place of .* combination"):
         to_urdf(arm.with_parameters(moment_x_j2=9.0), urdf, tmp_path / "found.urdf")
+
+
+def test_the_armature_of_an_actuator_is_not_taken_from_its_joint(mjcf, tmp_path):
+    mjcf.write_text(mjcf.read_text().replace('gear="20"', 'gear="20" armature="0.02"'))
+    geared = from_mjcf(mjcf)
+    assert geared.parameters["armature_a"].value == pytest.approx(8)
+    more = to_mjcf(geared.with_parameters(armature_a=9.5), mjcf, tmp_path / "found.xml")
+    assert mujoco.MjModel.from_xml_path(str(more)).dof_armature[0] == pytest.approx(1.5)
+    with pytest.raises(ModelError, match="an armature at joint a below that of its actuators, 8"):
+        to_mjcf(geared.with_parameters(armature_a=3.0), mjcf, tmp_path / "less.xml")
 
 
 @pytest.mark.parametrize(
