@@ -11,6 +11,8 @@ READINGS = {
     "simulate": "sklearn_pgnn.simulation:simulate",
     "how_called": "sklearn_pgnn.simulation.native_function:how_called",
     "rigid_bodies": "sklearn_pgnn.simulation.rigid_bodies:at_points",
+    "rigid_body_slopes": "sklearn_pgnn.simulation.rigid_bodies:slopes",
+    "robot_model": "sklearn_pgnn.priors.robot_section:robot_model",
     "read_model": "sklearn_pgnn.physics.model_file:read_model",
     "cause_html": "sklearn_pgnn.inspection.notebook:cause_html",
     "cause_latex": "sklearn_pgnn.inspection.notebook:cause_latex",

@@ -18,9 +18,12 @@ from sklearn_pgnn.cli.options import (
 from sklearn_pgnn.cli.progress import show_progress
 from sklearn_pgnn.cli.systems import SYSTEMS
 
+#: the model file that `init` writes
+MODEL_FILE = "model.yaml"
+
 
 @click.command()
-@click.argument("path", default="model.yaml", metavar="[MODEL.yaml]", type=FILE)
+@click.argument("path", default=MODEL_FILE, metavar="[MODEL.yaml | ROBOT.urdf]", type=FILE)
 @click.option(
     "--like",
     type=click.Choice(tuple(SYSTEMS)),
@@ -29,20 +32,31 @@ from sklearn_pgnn.cli.systems import SYSTEMS
     help="The ready system to start from.",
 )
 @click.option(
-    "--records", metavar="DATA", type=FILE, help="A file of records, whose columns are listed."
+    "--records",
+    metavar="DATA",
+    type=FILE,
+    help="A file of records, whose columns are listed; or a robot's description.",
 )
 @force_option
 @quiet_options
 def init(path, like, records, force, quiet, debug):
     """Write a commented model file to start from.
 
-    It is a complete model of a ready system; replace it by your machine.
+    It is a complete model of a ready system; replace it by your machine. Of a robot in URDF or MJCF
+    (.xml, .mjcf) it is the model: model.yaml names that file, and lists ports, inputs, outputs and
+    parameters.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
+            from sklearn_pgnn.cli.robot_template import robot_among, write_robot_template
             from sklearn_pgnn.cli.template import write_template
-        write_template(path, like, records, force=force, quiet=quiet)
+
+        robot, target, data = robot_among(path, records, MODEL_FILE)
+        if robot is None:
+            write_template(path, like, records, force=force, quiet=quiet)
+        else:
+            write_robot_template(robot, target, data, force=force, quiet=quiet)
 
 
 @click.command()
@@ -122,7 +136,7 @@ def fit(model, data, output, force, as_json, quiet, debug, **options):
             progress("fitting")
             with told_warnings(UserWarning):
                 job.run()
-            write_file(output, job.regressor.model_.to_yaml(), force=force)
+            write_file(output, job.text(output), force=force)
         job.print_summary(output, as_json=as_json, quiet=quiet)
 
 

@@ -29,11 +29,12 @@ from sklearn_pgnn.cli.output import (
 from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import DiagnosisWarning, ModelError, RecordWarning
+from sklearn_pgnn.exceptions import DiagnosisWarning, ModelError, ModelWarning, RecordWarning
 from sklearn_pgnn.export import to_mjcf, to_urdf
 from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
+from sklearn_pgnn.priors.robot_section import described_in
 from sklearn_pgnn.trajectories.files import read_files
 
 #: how a copy of a robot's file is written, by its ending, and the copy's name without it
@@ -90,7 +91,7 @@ class Job:
             broken, warned = fit_kept(diagnosis, X, y)
             progress("writing the report")
             failed = write_results(folder, diagnosis, provenance)
-            write_robot(Path(self.model), diagnosis, folder)
+            write_robot(described_in(self.model), diagnosis, folder)
             kept = sorted(file.name for file in folder.iterdir())
         remove_files(Path(self.output), {*rivals} - {*kept})
         if (error := broken or failed) is not None:
@@ -151,13 +152,14 @@ def write_results(folder: Path, diagnosis, provenance: Provenance) -> Exception 
     return next(iter(failed.values()), None) or _left_out(told)
 
 
-def write_robot(source: Path, diagnosis: ModelDiagnosis, folder: Path) -> None:
+def write_robot(source: Path | None, diagnosis: ModelDiagnosis, folder: Path) -> None:
     """Write what was found at joints into a copy of a robot's file, or print why it cannot be."""
-    write = ROBOTS.get(source.suffix.lower())
-    if write is None or not hasattr(diagnosis, "extended_model_"):
+    if source is None or not hasattr(diagnosis, "extended_model_"):
         return
+    ending = source.suffix.lower()
     try:
-        write(model_with_all(diagnosis), source, folder / f"{ROBOT}{source.suffix.lower()}")
+        with told_warnings(ModelWarning):
+            ROBOTS[ending](model_with_all(diagnosis), source, folder / f"{ROBOT}{ending}")
     except ModelError as error:
         click.echo(f"Warning: {one_line(error)}", err=True)
 

@@ -15,6 +15,7 @@ from sklearn_pgnn.inspection.numbers import fit_text, measured, number
 from sklearn_pgnn.inspection.start_runs import run_records
 from sklearn_pgnn.inspection.strict_json import as_strict_json
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.priors.robot_section import described_in, robot_text
 from sklearn_pgnn.trajectories import read_records
 
 
@@ -27,6 +28,7 @@ class FitJob:
     """
 
     def __init__(self, model, data, *, free_run, free, noise, sample_time=None, **options):
+        self.source = model
         self.prior, self.X, self.y = read_model_and_records(model, data, sample_time)
         self.names = _known(split(free), self.prior)
         if free_run:
@@ -47,6 +49,13 @@ class FitJob:
             )
             for which, model in (("as given", self.prior), ("fitted", self.regressor.model_))
         }
+
+    def text(self, output: str) -> str:
+        """Return the fitted model as a model file; of a robot it names the description."""
+        found = self.regressor.model_
+        if described_in(self.source) is not None:
+            return robot_text(found, self.source, output)
+        return found.to_yaml()
 
     def to_dict(self) -> dict:
         """Return what was fitted as plain data."""

@@ -12,12 +12,13 @@ import pandas as pd
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
-from sklearn_pgnn.priors import from_fmu, from_mjcf, from_urdf
+from sklearn_pgnn.priors import from_fmu
+from sklearn_pgnn.priors.robot_section import ROBOTS
 from sklearn_pgnn.trajectories.files import open_file, read_files
 from sklearn_pgnn.trajectories.several_files import read_each
 
 #: how files are read that are no model files, by their ending
-READERS = {".fmu": from_fmu, ".urdf": from_urdf, ".xml": from_mjcf, ".mjcf": from_mjcf}
+READERS = {".fmu": from_fmu, **ROBOTS}
 
 
 def read_model_and_records(

@@ -51,18 +51,27 @@ def write_template(
 ) -> None:
     """Write a commented model file."""
     model = make_system(like)
-    header, columns = [], {}
-    if records is not None:
-        file = open_file(records, model)
-        header = file.header
-        columns = {name: file.with_unit(name, near) for name, near in file.nearest().items()}
-    write_file(path, commented(model, path, header, columns), force=force)
+    write_file(path, commented(model, path, *columns_in(records, model)), force=force)
     if not quiet:
-        then = f"sklearn-pgnn check --model {one_line(path)} {one_line(records or 'record.csv')}"
-        click.echo(
-            f"Wrote {one_line(path)}, a model of the {model.name}. Adapt it in an editor, "
-            f"then:\n  {then}"
-        )
+        say_what_is_next(path, model, records)
+
+
+def columns_in(records: str | None, model: PhysicsModel) -> tuple[Sequence[str], Mapping[str, str]]:
+    """Return the columns of a file of records, and those that quantities may be."""
+    if records is None:
+        return [], {}
+    file = open_file(records, model)
+    near = {name: file.with_unit(name, near) for name, near in file.nearest().items()}
+    return file.header, near
+
+
+def say_what_is_next(path: str, model: PhysicsModel, records: str | None) -> None:
+    """Print what was written, and the command that comes next."""
+    then = f"sklearn-pgnn check --model {one_line(path)} {one_line(records or 'record.csv')}"
+    click.echo(
+        f"Wrote {one_line(path)}, a model of the {model.name}. Adapt it in an editor, "
+        f"then:\n  {then}"
+    )
 
 
 def commented(

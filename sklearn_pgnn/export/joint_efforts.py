@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.export.joint_stops import NOWHERE, stop_in
 from sklearn_pgnn.physics.expressions import symbol, to_text
 from sklearn_pgnn.physics.external import External
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -21,13 +22,18 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class JointEffort:
-    """What drives a joint, and with which numbers it resists, in the words of `RESISTS`."""
+    """What drives a joint, with which numbers it resists, in the words of `RESISTS`, and its stops.
+
+    `stops` holds where the ends of the travel are, and `rigid` how stiff they are.
+    """
 
     joint: Joint
     drive: sympy.Expr
     resists: Mapping[str, float]
     rest: float
     unsaid: tuple[str, ...]
+    stops: Mapping[str, float]
+    rigid: tuple[float, ...]
 
 
 def joint_efforts(model: PhysicsModel, joints: list[Joint]) -> list[JointEffort]:
@@ -72,16 +78,24 @@ def _split(joint: Joint, effort: sympy.Expr) -> JointEffort:
     drive = sympy.Add(*(t for t in terms if not t.free_symbols <= own))
     found = dict.fromkeys(RESISTS, 0.0)
     constant, unsaid = 0.0, []
+    stops: dict[str, float] = {}
+    rigid: list[float] = []
     for term in resists:
         number, of = term.as_coeff_Mul()
         word = _WORDS.get(of.xreplace({joint.q: _Q, joint.w: _W}))
+        stop = stop_in(of, joint.q) if number < 0 else None
         if of == 1:
             constant += float(number)
+        elif stop is not None and stop[0] not in stops:
+            if abs(stop[1]) < NOWHERE:
+                stops[stop[0]] = stop[1]
+                rigid.append(-float(number))
         elif word is None:
             unsaid.append(to_text(-term))
         else:
             found[word] -= float(number)
-    return _rested(joint, drive, found, constant, unsaid)
+    rest, more = _rested(found, constant)
+    return JointEffort(joint, drive, found, rest, (*unsaid, *more), stops, tuple(rigid))
 
 
 _Q, _W = symbol("q"), symbol("w")
@@ -89,13 +103,11 @@ _WORDS: dict[sympy.Expr, str] = {of(_Q, _W): word for word, (_, of) in RESISTS.i
 _WORDS[sympy.sign(_W) * _W**2] = "drag"
 
 
-def _rested(joint, drive, found: dict[str, float], constant: float, unsaid) -> JointEffort:
+def _rested(found: dict[str, float], constant: float) -> tuple[float, list[str]]:
     r"""Write :math:`k q - c` as :math:`k (q - c/k)`, the only constant that a spring says."""
-    rest = 0.0
-    if abs(constant) > ROUNDING:
-        powers = found["quadratic_stiffness"] or found["cubic_stiffness"]
-        if not found["stiffness"] or powers:
-            unsaid = [*unsaid, f"{-constant:.6g}"]
-        else:
-            rest = constant / found["stiffness"]
-    return JointEffort(joint, drive, found, rest, tuple(unsaid))
+    if abs(constant) <= ROUNDING:
+        return 0.0, []
+    powers = found["quadratic_stiffness"] or found["cubic_stiffness"]
+    if not found["stiffness"] or powers:
+        return 0.0, [f"{-constant:.6g}"]
+    return constant / found["stiffness"], []

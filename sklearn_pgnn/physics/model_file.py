@@ -24,6 +24,7 @@ from sklearn_pgnn.physics.lagrangian import SECTION
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import is_text
 from sklearn_pgnn.physics.unit_check import check_units, unknown_units
+from sklearn_pgnn.readings import reading
 from sklearn_pgnn.user_line import warn_user
 from sklearn_pgnn.whole_file import is_stream, write_whole
 
@@ -49,17 +50,29 @@ def read_model(path) -> PhysicsModel:
     return _Reader(os.fspath(path)).model()
 
 
+def robot_in(path) -> dict | None:
+    """Return the section ``robot`` of a model file, None where it has none."""
+    reader = _Reader(os.fspath(path))
+    return reader.document(reader.root()).get("robot")
+
+
 def write_model(model: PhysicsModel, path=None) -> str:
     """Write a model as a model file.
 
     Return the YAML text; a file is replaced as a whole or not at all.
     """
+    text = written_parts(model.to_dict())
+    if path is not None:
+        write_whole(Path(path), text)
+    return text
+
+
+def written_parts(parts: dict) -> str:
+    """Return the parts of a model file as its text."""
     yaml = YAML(typ="rt")
     yaml.width = 2**31
     text = io.StringIO()
-    yaml.dump(_written(model.to_dict()), text)
-    if path is not None:
-        write_whole(Path(path), text.getvalue())
+    yaml.dump(_written(parts), text)
     return text.getvalue()
 
 
@@ -67,12 +80,16 @@ def write_model(model: PhysicsModel, path=None) -> str:
 
 
 class _Reader:
-    """Read the nodes of one file; `places` holds the node of every key."""
+    """Read the nodes of one file; `places` holds the node of every key.
+
+    `computed` names the entries that do not stand in the file.
+    """
 
     def __init__(self, path: str):
         self.path = path
         self.places: dict[tuple[str, ...], Node] = {}
         self.seen: set[int] = set()
+        self.computed: set[str] = set()
 
     def refuse(self, node: Node | None, why: str) -> NoReturn:
         mark = None if node is None else node.start_mark
@@ -85,13 +102,22 @@ class _Reader:
     def model(self) -> PhysicsModel:
         data = self.document(self.root())
         try:
-            model = PhysicsModel.from_dict(data)
+            model = self.built(data)
         except ModelError as error:
             self.refuse(self.place(error.where), str(error))
         self.warn_of_unused(model.unused_parameters)
         self.warn(UnitWarning, unknown_units(model), "correct it, or leave it out")
         remedy = "correct the term, or the unit of what is in it"
-        self.warn(UnitWarning, check_units(model), remedy)
+        written = (said for said in check_units(model) if said.split(":")[0] not in self.computed)
+        self.warn(UnitWarning, written, remedy)
+        return model
+
+    def built(self, data: dict) -> PhysicsModel:
+        """Return the model of a file's parts, whose machine may be that of a robot's file."""
+        if "robot" not in data:
+            return PhysicsModel.from_dict(data)
+        model = reading("robot_model")(data, Path(self.path).parent)
+        self.computed = {f"equations.{state}" for state in model.states}
         return model
 
     def place(self, where: tuple[str, ...]) -> Node | None:
@@ -160,7 +186,9 @@ class _Reader:
             data[key] = _SECTIONS[key](self, value, key)
         balances = ("lagrangian", "forces", "flows")
         needed = ("states",) if any(map(data.get, balances)) else ("states", "equations")
-        for key in needed:
+        for key in _OF_ROBOTS & data.keys() if "robot" in data else ():
+            self.refuse(self.places[(key,)], f"expected no {key!r} beside 'robot', whose it has.")
+        for key in () if "robot" in data else needed:
             if not data.get(key):
                 self.refuse(self.places.get((key,), root), f"expected {key!r}, got none.")
         data.setdefault("parameters", {})
@@ -283,6 +311,17 @@ class _Reader:
             found[key] = self.nested(value, part, key) if nested else self.text_of(value, key)
         return found
 
+    def robot(self, node, part):
+        found = {}
+        for key, value in self.items(node, part, (part,)):
+            if key not in _ROBOT:
+                expected = ", ".join(_ROBOT)
+                self.refuse(self.places[part, key], f"unknown key {key!r}; expected {expected}.")
+            found[key] = _ROBOT[key](self, value, f"{part}.{key}")
+        if "file" not in found:
+            self.refuse(self.places[part,], "robot: expected the key 'file', got none.")
+        return found
+
     def nested(self, node, part, key) -> dict[str, str]:
         """Read a mapping within a section."""
         entries = self.items(node, f"{part}.{key}", (part, key))
@@ -369,6 +408,17 @@ _SECTIONS = {
     "simulation": _Reader.simulation,
     "let": _Reader.texts,
     "ports": _Reader.ports,
+    "robot": _Reader.robot,
+}
+#: parts of a model that are a robot's own
+_OF_ROBOTS = {"equations", "inertia", "forces", "capacity", "flows", "lagrangian", "energy", "let"}
+_ROBOT = {
+    "file": _Reader.text_of,
+    "payload": _Reader.text_of,
+    "controls": _Reader.truth,
+    "base_parameters": _Reader.truth,
+    "armatures": _Reader.truth,
+    "effort_limits": _Reader.truth,
 }
 _PARAMETER = {
     "value": _Reader.number,

@@ -30,10 +30,20 @@ class Drive:
         return symbol(name)
 
 
-def torques(joints: list[Joint]) -> Drive:
-    """Return a drive whose inputs are the joints' own torques and forces."""
+def torques(m: Any, joints: list[Joint], limited: bool = False) -> Drive:
+    """Return a drive whose inputs are the joints' own torques and forces, between their limits."""
     units = {str(joint.effort): joint.unit("{effort}") for joint in joints}
-    return Drive([joint.effort for joint in joints], units)
+    drive = Drive([joint.effort for joint in joints], units)
+    if limited:
+        _limit(drive, m, joints)
+    return drive
+
+
+def _limit(drive: Drive, m: Any, joints: list[Joint]) -> None:
+    """Keep efforts between the limits that joints have."""
+    for joint in np.flatnonzero(m.jnt_actfrclimited):
+        name, ends = joints[joint].name, m.jnt_actfrcrange[joint]
+        drive.efforts[joint] = _between(drive, drive.efforts[joint], name, ends)
 
 
 def controls(path: str, m: Any, joints: list[Joint]) -> Drive:
@@ -48,9 +58,7 @@ def controls(path: str, m: Any, joints: list[Joint]) -> Drive:
         _require_plain(path, m, number)
         joint = m.actuator_trnid[number, 0]
         drive.efforts[joint] += _effort(drive, m, number, joints[joint])
-    for joint in np.flatnonzero(m.jnt_actfrclimited):
-        name, ends = joints[joint].name, m.jnt_actfrcrange[joint]
-        drive.efforts[joint] = _between(drive, drive.efforts[joint], name, ends)
+    _limit(drive, m, joints)
     return drive
 
 

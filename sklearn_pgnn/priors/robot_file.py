@@ -10,10 +10,12 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.extras import needed_by
-from sklearn_pgnn.priors.rigid_tree import RigidTree
+from sklearn_pgnn.priors.rigid_tree import Added, RigidTree
 
 #: what a link looks like, which does not matter to its motion
 SEEN = ("visual", "collision")
+#: a small payload [kg], with which it is looked what depends on what
+PROBED_MASS = 0.1
 #: what couples or drives joints otherwise than by their own torques, by the number of it
 COUPLED = {
     "neq": "equality constraints (mimic joints are such)",
@@ -55,6 +57,9 @@ def parsed(path: str, root: str, what: str) -> ElementTree.Element:
     builder = ElementTree.TreeBuilder(insert_comments=True)
     try:
         text = Path(path).read_bytes()
+    except OSError as error:
+        raise ModelError(f"{path}: expected {what} file, got: {error.strerror}.") from error
+    try:
         found = ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
     except ElementTree.ParseError as error:
         raise ModelError(f"{path}: expected {what} file, got no XML: {error}.") from error
@@ -145,7 +150,8 @@ def tree_of(m: Any, joints: tuple[str, ...], payload: Payload | None) -> RigidTr
         _tuples(centres),
         tuple(map(_tuples, tensors)),
         tuple(m.opt.gravity.tolist()),
-        (n - 1, (0.0, 0.0, 0.0)) if payload is None else _held(m, data, links, anchors, payload),
+        tuple(m.qpos0.tolist()),
+        () if payload is None else (_held(m, data, links, anchors, payload),),
     )
 
 
@@ -175,7 +181,8 @@ def _lump(m: Any, data: Any, bodies, point) -> tuple[float, np.ndarray, np.ndarr
     return mass, centre, tensor
 
 
-def _held(m: Any, data: Any, links, anchors, payload: Payload) -> tuple[int, tuple[float, ...]]:
+def _held(m: Any, data: Any, links, anchors, payload: Payload) -> Added:
+    """Return a payload, whose amount is its mass."""
     names = [m.body(i).name for i in range(m.nbody)]
     moved = [name for name, link in zip(names, links, strict=True) if link >= 0]
     if payload.body not in moved:
@@ -183,5 +190,8 @@ def _held(m: Any, data: Any, links, anchors, payload: Payload) -> tuple[int, tup
             f"payload: expected a body among {', '.join(moved)}, got {payload.body!r}."
         )
     body = names.index(payload.body)
-    at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ np.array(payload.at)
-    return int(links[body]), tuple((at - anchors[links[body]]).tolist())
+    r = data.xpos[body] + data.xmat[body].reshape(3, 3) @ np.array(payload.at)
+    r = r - anchors[links[body]]
+    tensor = (r @ r * np.eye(3) - np.outer(r, r))[np.triu_indices(3)]
+    inertia = (1.0, *r.tolist(), *tensor.tolist())
+    return Added("payload", int(links[body]), inertia, "kg", 0.0, 0.0, PROBED_MASS)

@@ -31,12 +31,15 @@ ARMATURE = "{effort}/({x}/s^2)"
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint with one coordinate, what it resists with, and where its spring is at rest."""
+    """A joint with one coordinate, what it resists with, and where its spring is at rest.
+
+    Without an armature it has none, and no parameter of one.
+    """
 
     name: str
     slides: bool
     resists: Mapping[str, float]
-    armature: float
+    armature: float | None
     rest: float
 
     @cached_property
@@ -71,7 +74,9 @@ class Joint:
     def parameters(self) -> dict[str, dict]:
         """What the file says of it, as parameters that may be fitted."""
         units = {word: unit for word, (unit, _) in RESISTS.items()} | {"armature": ARMATURE}
-        values = {**self.resists, "armature": self.armature}
+        values = {word: value for word, value in self.resists.items() if value}
+        if self.armature is not None:
+            values["armature"] = self.armature
         return {
             f"{word}_{self.name}": {
                 "value": value,
@@ -79,7 +84,6 @@ class Joint:
                 "bounds": (-np.inf if "quadratic" in word else 0.0, np.inf),
             }
             for word, value in values.items()
-            if value
         }
 
     @property
@@ -98,15 +102,16 @@ class Joint:
         return Port(self.name, self.w, self.q, rates, {}, self.unit("{effort}"))
 
 
-def joints_of(m: Any) -> list[Joint]:
-    """Return the joints of MuJoCo's model of a robot."""
+def joints_of(m: Any, armatures: bool = False) -> list[Joint]:
+    """Return the joints of MuJoCo's model of a robot, all with an armature or those that have."""
     names = [name_of(m, "joint", i) for i in range(m.nv)]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
         raise ModelError(f"expected joints of different names, got {min(twice)!r} twice.")
     return [
-        Joint(name, bool(m.jnt_type[i] == 2), _resists(m, i), armature_of(m, i), m.qpos_spring[i])
+        Joint(name, bool(m.jnt_type[i] == 2), _resists(m, i), armature, float(m.qpos_spring[i]))
         for i, name in enumerate(names)
+        for armature in [armature_of(m, i) or (0.0 if armatures else None)]
     ]
 
 

@@ -198,8 +198,31 @@ def _set_inertia(inertias, i, turn, tensor):
 
 
 @_jit
+def _unit_inertias(tree, r, at):
+    r"""Return what may be added to links, about the origin.
+
+    With the way :math:`p` to the link's point, mass :math:`m`, first moment :math:`h`, the tensor
+    gains :math:`2 (p \cdot h) 1 - p h^T - h p^T + m (p^2 1 - p p^T)`.
+    """
+    links, masses, firsts, tensors = tree[8:]
+    units = np.empty((len(links), 10))
+    for k in range(len(links)):
+        link, place = links[k], 4
+        p, h = _get(at, link), _turned(r, link, _get(firsts, k))
+        _set_inertia(units, k, r[link], tensors[k])
+        _add_mass(units, k, masses[k], p)
+        for i in range(3):
+            units[k, 1 + i] += h[i]
+            units[k, place] += 2.0 * _dot(p, h)
+            for j in range(i, 3):
+                units[k, place] -= p[i] * h[j] + h[i] * p[j]
+                place += 1
+    return units
+
+
+@_jit
 def _places(tree, q):
-    """Return the joints' twists, the links' inertias, and where the payload is."""
+    """Return the joints' twists, the links' inertias, and those that may be added."""
     parent, slides, axis, offset, mass, centre, tensor = tree[:7]
     n = len(parent)
     r, at = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3))
@@ -219,8 +242,7 @@ def _places(tree, q):
         _put(at, i, here)
         _set_inertia(inertias, i, r[i], tensor[i])
         _add_mass(inertias, i, mass[i], _add(here, _turned(r, i, _get(centre, i))))
-    link, held = tree[8], tree[9]
-    return twists, inertias, _add(_get(at, link), _turned(r, link, (held[0], held[1], held[2])))
+    return twists, inertias, _unit_inertias(tree, r, at)
 
 
 @_jit
@@ -284,18 +306,25 @@ def _torques(twists, f):
 
 @_jit
 def _given(tree, point):
-    """Return positions, velocities, armatures and payload; what is not given does not matter."""
+    """Return positions, velocities, armatures and amounts; what is not given does not matter."""
     n = len(tree[0])
     known = np.where(np.isnan(point), 0.0, point)
-    return known[:n], known[n : 2 * n], known[2 * n : 3 * n], known[3 * n]
+    return known[:n], known[n : 2 * n], known[2 * n : 3 * n], known[3 * n :]
+
+
+@_jit
+def _add_inertias(tree, units, amounts, inertias):
+    """Add amounts of what may be added to the inertias of links."""
+    for k in range(len(amounts)):
+        inertias[tree[8][k]] += amounts[k] * units[k]
 
 
 @_jit
 def dynamics(tree, point):
     r"""Return :math:`M` and :math:`h`, the torques of gravity, Coriolis and centrifugal forces."""
-    q, w, armature, payload = _given(tree, point)
-    twists, inertias, at = _places(tree, q)
-    _add_mass(inertias, tree[8], payload, at)
+    q, w, armature, amounts = _given(tree, point)
+    twists, inertias, units = _places(tree, q)
+    _add_inertias(tree, units, amounts, inertias)
     f = _wrenches(inertias, *_motion(tree, twists, w))
     _sum_behind(tree[0], f)
     _sum_behind(tree[0], inertias)
@@ -400,15 +429,16 @@ def _torque_slopes(parent, twists, behind, spins, f, v, a, out):
 
 
 @_jit
-def _payload_slopes(tree, twists, at, v, a, by_mass, by_torque):
-    """Set the derivatives by the payload: mass matrix and torques of a mass of 1 kg alone."""
-    unit = np.zeros((len(twists), 10))
-    _add_mass(unit, tree[8], 1.0, at)
-    f = _wrenches(unit, v, a)
-    _sum_behind(tree[0], f)
-    _sum_behind(tree[0], unit)
-    by_mass[:] = _mass_matrix(tree[0], twists, unit)
-    by_torque[:] = _torques(twists, f)
+def _added_slopes(tree, twists, units, v, a, by_mass, by_torque):
+    """Set the derivatives by every amount: mass matrix and torques of its unit alone."""
+    for k in range(len(units)):
+        unit = np.zeros((len(twists), 10))
+        unit[tree[8][k]] = units[k]
+        f = _wrenches(unit, v, a)
+        _sum_behind(tree[0], f)
+        _sum_behind(tree[0], unit)
+        by_mass[k] = _mass_matrix(tree[0], twists, unit)
+        by_torque[k] = _torques(twists, f)
 
 
 @_jit
@@ -417,18 +447,18 @@ def slopes(tree, point):
 
     They stand at ``[a, i, j]`` and ``[a, i]`` for the argument of number ``a``.
     """
-    q, w, armature, payload = _given(tree, point)
+    q, w, armature, amounts = _given(tree, point)
     parent, n = tree[0], len(q)
-    twists, inertias, at = _places(tree, q)
-    _add_mass(inertias, tree[8], payload, at)
+    twists, inertias, units = _places(tree, q)
+    _add_inertias(tree, units, amounts, inertias)
     v, a = _motion(tree, twists, w)
     f, spins = _wrenches(inertias, v, a), _spins(inertias, v)
     for parts in (f, spins, inertias):
         _sum_behind(parent, parts)
-    by_mass, by_torque = np.zeros((3 * n + 1, n, n)), np.zeros((3 * n + 1, n))
+    by_mass, by_torque = np.zeros((len(point), n, n)), np.zeros((len(point), n))
     _mass_slopes(parent, twists, inertias, by_mass)
     _torque_slopes(parent, twists, inertias, spins, f, v, a, by_torque)
-    _payload_slopes(tree, twists, at, v, a, by_mass[3 * n], by_torque[3 * n])
+    _added_slopes(tree, twists, units, v, a, by_mass[3 * n :], by_torque[3 * n :])
     m = _mass_matrix(parent, twists, inertias)
     for i in range(n):
         by_mass[2 * n + i, i, i] = 1.0
@@ -490,7 +520,7 @@ def _fill_slopes(tree, point, which, out):
 @cache
 def compiled(function: TreeDynamics | TreeSlopes) -> Any:
     """Return a C function of the addresses of a point and of the results."""
-    tree, n, count = function.tree.arrays, 3 * function.tree.size + 1, function.size
+    tree, n, count = function.tree.arrays, function.tree.arguments, function.size
     which = np.array(getattr(function, "which", ()), np.int64)
     if isinstance(function, TreeDynamics):
 
@@ -509,7 +539,7 @@ def compiled(function: TreeDynamics | TreeSlopes) -> Any:
 
 def at_points(function: TreeDynamics | TreeSlopes) -> Callable[[Sequence[float]], list[float]]:
     """Return a function of the dynamics as one of a point in Python."""
-    entry, n, count = compiled(function).ctypes, 3 * function.tree.size + 1, function.size
+    entry, n, count = compiled(function).ctypes, function.tree.arguments, function.size
 
     def at(point):
         out = (ctypes.c_double * count)()

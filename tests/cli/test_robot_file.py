@@ -1,10 +1,14 @@
 """A robot's description stands in place of a model file."""
 
+import sys
+
 import pytest
 from click.testing import CliRunner
 from robots import moved_records, six_axes
 
+from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.cli import main
+from sklearn_pgnn.priors import from_mjcf, from_urdf
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -49,3 +53,82 @@ def test_a_file_that_is_none_is_refused_in_one_line(tmp_path):
     result = CliRunner().invoke(main, asked)
     assert result.exit_code == 2
     assert "expected a URDF file, <robot>, got <sdf>" in result.output
+
+
+def test_init_writes_a_model_file_of_a_robot(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(six_axes(2))
+    m = mujoco.MjModel.from_xml_string(six_axes(2))
+    table = moved_records(m, ["j1", "j2"], records=1, samples=300)
+    table.to_csv(tmp_path / "run.csv", index=False)
+    result = CliRunner().invoke(main, ["init", "arm.urdf", "--records", "run.csv"])
+    assert result.exit_code == 0, result.output
+    assert "sklearn-pgnn check --model model.yaml run.csv" in result.output
+    text = (tmp_path / "model.yaml").read_text()
+    assert "\nrobot: {file: arm.urdf}\n" in text
+    assert "# The columns of your file: trajectory, t, q_j1, q_j2, tau_j1, tau_j2." in text
+    assert "\ninputs: {tau_j1: N m, tau_j2: N m}\n" in text
+    assert "\noutputs: {q_j1: q_j1, q_j2: q_j2}\n" in text
+    assert '\n  j2: {effort: tau_j2, flow: w_j2, displacement: q_j2, unit: "N m"}\n' in text
+    assert PhysicsModel.from_yaml(tmp_path / "model.yaml") == from_urdf(tmp_path / "arm.urdf")
+    checked = CliRunner().invoke(main, ["check", "--model", "model.yaml", "run.csv"])
+    assert checked.exit_code == 0, checked.output
+    assert "Missing at the joints" in checked.output
+
+
+PENDULUM = """<mujoco><worldbody><body><joint name="j" axis="0 1 0" damping="0.3"/>
+<inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.2 0.3"/></body></worldbody>
+<actuator><motor name="drive" joint="j" gear="30"/></actuator></mujoco>"""
+
+
+@pytest.mark.filterwarnings("error")
+def test_init_takes_mjcf_in_place_of_records(tmp_path):
+    (tmp_path / "robot.xml").write_text(PENDULUM)
+    (tmp_path / "models").mkdir()
+    path = tmp_path / "models" / "mine.yaml"
+    asked = ["init", str(path), "--records", str(tmp_path / "robot.xml")]
+    assert CliRunner().invoke(main, asked).exit_code == 0
+    assert "robot: {file: ../robot.xml}" in path.read_text()
+    assert PhysicsModel.from_yaml(path) == from_mjcf(tmp_path / "robot.xml")
+    again = CliRunner().invoke(main, asked)
+    assert again.exit_code == 2
+    assert "expected a new file, got an existing one" in again.output
+
+
+def test_a_fit_writes_a_model_file_that_names_the_description(tmp_path):
+    m = mujoco.MjModel.from_xml_string(six_axes(1, damping=(5.0,)))
+    moved_records(m, ["j1"], records=1, samples=300).to_csv(tmp_path / "run.csv", index=False)
+    (tmp_path / "arm.urdf").write_text(six_axes(1))
+    source, fitted = tmp_path / "model.yaml", tmp_path / "fitted.yaml"
+    source.write_text("robot: {file: arm.urdf, armatures: true}\ncolumns: {q_j1: q_j1}\n")
+    asked = ["fit", "--model", str(source), str(tmp_path / "run.csv"), "--output", str(fitted)]
+    result = CliRunner().invoke(main, asked)
+    assert result.exit_code == 0, result.output
+    found = PhysicsModel.from_yaml(fitted)
+    assert found.parameters["damping_j1"].value == pytest.approx(5.0, rel=0.02)
+    assert "robot: {file: arm.urdf, armatures: true}" in fitted.read_text()
+
+
+def test_init_without_mujoco_names_the_extra(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    (tmp_path / "arm.urdf").write_text(six_axes(1))
+    result = CliRunner().invoke(main, ["init", "arm.urdf"])
+    assert result.exit_code != 0
+    assert 'pip install "sklearn-pgnn[robots]"' in result.output
+    assert not (tmp_path / "model.yaml").exists()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_a_model_file_writes_a_copy_of_the_robots_file(tmp_path):
+    m = mujoco.MjModel.from_xml_string(six_axes(1, friction=(1.0,)))
+    table = moved_records(m, ["j1"], records=3, samples=300, noise=5e-4)
+    (tmp_path / "arm.urdf").write_text(six_axes(1))
+    (tmp_path / "model.yaml").write_text("robot: {file: arm.urdf}\n")
+    table.to_csv(tmp_path / "runs.csv", index=False)
+    asked = ["diagnose", "--model", str(tmp_path / "model.yaml"), str(tmp_path / "runs.csv")]
+    asked += ["--catalogue", "coulomb_friction", "--output", str(tmp_path / "out"), "--jobs", "1"]
+    result = CliRunner().invoke(main, asked)
+    assert result.exit_code == 0, result.output
+    found = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "extended_model.urdf"))
+    assert found.dof_frictionloss[0] == pytest.approx(1.0, rel=0.15)

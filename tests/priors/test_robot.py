@@ -87,9 +87,9 @@ def test_a_payload_is_a_mass_at_a_point_of_a_body(tmp_path):
     assert_same_dynamics(hand.with_parameters(payload=0.7), other)
 
 
-@pytest.mark.parametrize("payload", [None, "hand"])
-def test_sensitivities_are_the_slopes_of_simulations(tmp_path, payload):
-    tree = from_mjcf(written(tmp_path, TREE), payload=payload)
+@pytest.mark.parametrize("options", [{}, {"payload": "hand"}, {"base_parameters": True}])
+def test_sensitivities_are_the_slopes_of_simulations(tmp_path, options):
+    tree = from_mjcf(written(tmp_path, TREE), **options)
     t, n = np.arange(0, 0.3, 0.01), len(tree.inputs)
     u = np.sin(np.outer(t, np.arange(1, n + 1)))
     x0 = np.random.default_rng(1).normal(size=2 * n)

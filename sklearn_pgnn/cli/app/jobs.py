@@ -24,6 +24,7 @@ from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
 from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.physics.effects import CoulombFriction
+from sklearn_pgnn.physics.model_file import robot_in
 
 MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")
 RESULT, LOOK = Path("result"), Path("look.html")
@@ -36,12 +37,22 @@ def take_model(progress: Callable, label: str) -> dict:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", ModelWarning)
         try:
+            _require_equations(robot_in(NEW))
             model = PhysicsModel.from_yaml(NEW)
         except ModelError as error:
             raise ModelError(str(error).replace(str(NEW), label)) from error
     os.replace(NEW, MODEL)
     said = [str(w.message) for w in told if issubclass(w.category, ModelWarning)]
     return _told_model(model, label, [text.replace(str(NEW), label) for text in said])
+
+
+def _require_equations(robot: dict | None) -> None:
+    """Refuse a model whose machine is in a file beside it."""
+    if robot is not None:
+        raise ModelError(
+            f"{NEW}: expected a model that is whole, got one of a robot in {robot['file']!r}. "
+            f"Remedy: sklearn-pgnn diagnose --model MODEL.yaml, where both files are."
+        )
 
 
 def take_system(progress: Callable, system: str) -> dict:
