@@ -326,11 +326,12 @@ class Investigation:
         small residual that depends on nothing recorded, a difference must leave only noise.
         """
         fitter, share = found.search.fitter, found.search.criterion.smallest_share
-        compare = found.search.compare
-        if not compare.leaves_what_may_depend(found.result.final):
+        compare, best = found.search.compare, list(found.trials.values())[-1]
+        if not compare.leaves_what_may_depend(best):
             return
-        has_structure = found.structure is not None and found.structure.is_significant
-        is_clear = has_structure or compare.leaves_much(found.result.final)
+        structure = found.structure if found.proposal is None else None
+        has_structure = structure is not None and structure.is_significant
+        is_clear = has_structure or compare.leaves_much(best)
         self.progress.begin("differences between records")
         fits = (found.result.final.fit, found.result.base.fit)
         groups = [group for fit in fits if (group := find_group(fitter.problem, fit))]
