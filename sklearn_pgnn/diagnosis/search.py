@@ -278,16 +278,16 @@ class Search:
     def _put_the_likeliest_first(self) -> dict[Effect, InPlace]:
         """Exchange causes for likelier rivals that are named; return what may replace each.
 
-        A cause that is improbable beside what cannot be named in its place is dropped.
+        What the records show by itself stays. A cause that is improbable beside what cannot be
+        named in its place is dropped.
         """
         tried: set[Key] = set()
         while True:
             final, search = self.current, (self.compare, self.ladder)
             causes = final.hypothesis.causes
             near = {cause: not_refuted(*search, final, cause) for cause in causes}
-            better = (
-                trial for others in near.values() for trial in likelier(self.fitter, final, others)
-            )
+            open_ = [others for cause, others in near.items() if cause not in self.given]
+            better = (trial for others in open_ for trial in likelier(self.fitter, final, others))
             named = (self._named_in_place(final, trial, tried) for trial in better)
             exchanged = next((trial for trial in named if trial is not None), None)
             exchanged = exchanged or self._without_the_improbable(final, near)
