@@ -67,6 +67,10 @@ class Scales:
         low, high = self.extremes.get(name, (-self.peak.get(name, 0.0), self.peak.get(name, 0.0)))
         return low + below * (high - low), high - above * (high - low)
 
+    def is_zero(self, name: str) -> bool:
+        """Return whether a signal is known to be zero always, as that of an idle drive."""
+        return self.extremes.get(name) == (0.0, 0.0)
+
     def of_either_sign(self, names: Iterable[str]) -> "Scales":
         """Return the scales if only the magnitude of some signals was measured.
 

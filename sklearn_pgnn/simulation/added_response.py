@@ -138,13 +138,14 @@ class AddedResponse:
 
 
 def gains_at(response: AddedResponse, place: str) -> Gains:
-    """Return by how much a hidden input at a place changes rates and outputs."""
+    """Return by how much a small hidden input at a place changes rates and outputs."""
     model, hidden = response.model, symbol("_hidden")
     rows = {**model.equations, **_shown(model.outputs)}
     changes = add_at(model, place, hidden)
     changed = {**changes.get("equations", {}), **_shown(changes.get("outputs", {}))}
     table = sample_table(model, response.windows, response.x)
-    slopes = [(i, changed[name].diff(hidden)) for i, name in enumerate(rows) if name in changed]
+    at_none = {name: changed[name].diff(hidden).subs(hidden, 0) for name in changed}
+    slopes = [(i, at_none[name]) for i, name in enumerate(rows) if name in changed]
     size = response.windows.t.size
     return [(i, np.nan_to_num(evaluate_samples(s, table, size))) for i, s in slopes if s != 0]
 

@@ -47,6 +47,10 @@ class InputEffect(Effect):
         """Return the input as it acts on the machine over the commanded one."""
         return Characteristic("input", self.target)
 
+    def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
+        """Return whether the input is ever other than zero, so that more than a bias shows."""
+        return not scales.is_zero(self.target)
+
 
 def substitute(model, old, new) -> dict:
     """Return the changes that replace `old` by `new` in every expression of a model."""
@@ -88,6 +92,10 @@ class InputBias(InputEffect):
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
         """Start without a bias."""
         return (cls(target),)
+
+    def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
+        """A bias shows where the input is zero, too."""
+        return True
 
 
 @dataclass(frozen=True)
