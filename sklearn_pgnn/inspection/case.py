@@ -106,11 +106,10 @@ def make_case(diagnosis, cause) -> Case:
     """Return a cause with all that was found, with and without it, and the records."""
     known, part = known_effects(diagnosis), diagnosis.discrepancy_
     full, without = model_with_all(diagnosis), diagnosis.records_.problem.prior
-    others = (
-        known[other.effect](other.target) for other in diagnosis.causes_ if other is not cause
-    )
+    others = (known[each.id](each.target) for each in diagnosis.records_.causes)
     for other in sensors_last(without, tuple(others)):
-        without = other.apply(without)
+        if (other.id, other.target) != (cause.effect, cause.target):
+            without = other.apply(without)
     if part is not None:
         without = known_part(part.effect, without).apply(without)
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}

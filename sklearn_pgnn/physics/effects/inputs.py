@@ -94,7 +94,7 @@ class InputBias(InputEffect):
         return (cls(target),)
 
     def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
-        """A bias shows where the input is zero, too."""
+        """Return true: a bias shows where the input is zero, too."""
         return True
 
 
