@@ -66,8 +66,8 @@ class Comparison:
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
         """Return whether the second of two hypotheses is refuted by the first.
 
-        A more complex hypothesis must also pay for the number of candidates it was chosen from, and
-        explain at least the smallest share more. No hypothesis refutes another one whose free run
+        A more complex hypothesis must also pay for the number of candidates it was chosen from,
+        explain at least the smallest share more, and fit better where both are fitted. No hypothesis refutes another one whose free run
         is better beyond chance; a hypothesis with more added states is refuted if its free run is
         worse.
         """
@@ -75,6 +75,8 @@ class Comparison:
         if before.n_added > after.n_added and self.criterion.runs_worse(after, before):
             return True
         takes_more = better.hypothesis.complexity > worse.hypothesis.complexity
+        if takes_more and self._fits_as_well(worse, better):
+            return False
         needed = self.criterion.to_name if takes_more else self.criterion.to_refute
         raw = self.criterion.evidence(before, after)
         if not raw > needed or (takes_more and not self.criterion.explains_enough(before, after)):
@@ -82,6 +84,16 @@ class Comparison:
         if self.criterion.runs_worse(before, after):
             return False
         return raw / self._overdispersion(worse, better) > needed
+
+    def _fits_as_well(self, simple: FittedHypothesis, complex_: FittedHypothesis) -> bool:
+        """Return whether a simpler hypothesis fits all windows as well, but for chance.
+
+        Held out, one sample at which a friction changes its sign too late can speak for numbers
+        that are not there.
+        """
+        worse = simple.fit.objective - complex_.fit.objective
+        dispersion = max(complex_.fit.objective / self.fitter.problem.n_samples, 1.0)
+        return worse < 2.0 * dispersion * self.criterion.to_refute
 
     def is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes the current one, or is simpler or likelier.

@@ -165,9 +165,9 @@ def exceeds_rounding(
 
     At rest a rounded value stays where it is: a limit there removes an error of rounding only.
     """
-    outputs, windows, prior = list(problem.prior.outputs), problem.windows, problem.prior
+    outputs, windows = list(problem.prior.outputs), problem.windows
     are_sensors = all(cause.target in outputs for cause in causes)
-    if not are_sensors or any((prior + c).equations != prior.equations for c in causes):
+    if not are_sensors or without.fit.model.equations != with_.fit.model.equations:
         return True
     changed = np.abs(without.fit.evaluation.residual - with_.fit.evaluation.residual)
     for i in (outputs.index(cause.target) for cause in causes):

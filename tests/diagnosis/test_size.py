@@ -261,10 +261,13 @@ def test_a_limit_of_a_sensor_that_moves_no_sample_by_half_a_step_is_rounding(
     problem = SimpleNamespace(
         prior=SLEDGE.replace(outputs={"v": "v"}), windows=SimpleNamespace(y=y, scale=scale)
     )
-    without, with_ = (
-        SimpleNamespace(fit=SimpleNamespace(evaluation=SimpleNamespace(residual=left)))
-        for left in (np.zeros_like(y), np.full_like(y, change))
-    )
-    at_sensor = [effects.SensorSaturation("v")]
-    assert exceeds_rounding(problem, without, with_, at_sensor) == exceeds
-    assert exceeds_rounding(problem, without, with_, [effects.CoulombFriction("v")])
+    at_sensor, friction = effects.SensorSaturation("v"), effects.CoulombFriction("v")
+
+    def trial(model, left):
+        evaluation = SimpleNamespace(residual=np.full_like(y, left))
+        return SimpleNamespace(fit=SimpleNamespace(evaluation=evaluation, model=model))
+
+    without, with_ = trial(problem.prior, 0.0), trial(at_sensor.apply(problem.prior), change)
+    assert exceeds_rounding(problem, without, with_, [at_sensor]) == exceeds
+    with_ = trial(friction.apply(problem.prior), change)
+    assert exceeds_rounding(problem, without, with_, [friction])
