@@ -67,9 +67,9 @@ class Comparison:
         """Return whether the second of two hypotheses is refuted by the first.
 
         A more complex hypothesis must also pay for the number of candidates it was chosen from,
-        explain at least the smallest share more, and fit better where both are fitted. No hypothesis refutes another one whose free run
-        is better beyond chance; a hypothesis with more added states is refuted if its free run is
-        worse.
+        explain at least the smallest share more, and fit better where both are fitted. No
+        hypothesis refutes another one whose free run is better beyond chance; a hypothesis with
+        more added states is refuted if its free run is worse.
         """
         before, after = map(self.fitter.held_out, (worse, better))
         if before.n_added > after.n_added and self.criterion.runs_worse(after, before):

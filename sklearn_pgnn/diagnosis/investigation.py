@@ -339,6 +339,8 @@ class Investigation:
             return
         for group in {group[:2]: group for group in groups}.values():
             marked = mark(self.model, self.records, group)
+            if marked.column in self.groups:
+                continue  # what differs there was tried
             wider = replace(
                 self,
                 model=marked.model,

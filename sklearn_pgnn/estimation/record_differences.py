@@ -259,4 +259,7 @@ def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> s
         name = f"{IN}all"
     elif len(name) > LONGEST:
         name = f"{IN}group_{len(model.inputs)}"
-    return name if group.since is None else name + SINCE + re.sub(r"\W", "p", f"{group.since:.4g}")
+    if group.since is None:
+        return name
+    time = np.format_float_positional(group.since, 4, unique=False, fractional=False, trim="-")
+    return name + SINCE + re.sub(r"\W", "p", time)

@@ -5,7 +5,10 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn.estimation.record_differences import Group, mark
 from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.physics.effects.differences import ParameterDifference, where_of
+from sklearn_pgnn.trajectories import read_records
 
 CART = PhysicsModel(
     name="cart",
@@ -111,6 +114,15 @@ def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
     usual = {"d": 1.6, "k": 50.0}[name]
     estimate = diagnosis.causes_[0].parameters["difference"]
     assert estimate.value == pytest.approx(value - usual, rel=0.05)
+
+
+@pytest.mark.parametrize(("since", "said"), [(97080.0, "97080"), (3.5561, "3.556"), (0.25, "0.25")])
+def test_an_onset_is_told_in_seconds(since, said):
+    X, y = records(3, {}, (), n_records=1)
+    group = Group((0,), since, ParameterDifference, "k", 0.5)
+    marked = mark(CART, read_records(CART, X, y), group)
+    assert where_of(marked.column) == f"since {said} s"
+    assert marked.records[0].u[:, -1].sum() == (X["t"] >= since).sum()
 
 
 @pytest.mark.slow
