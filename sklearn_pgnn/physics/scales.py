@@ -68,7 +68,24 @@ class Scales:
         return low + below * (high - low), high - above * (high - low)
 
     def is_zero(self, name: str) -> bool:
-        """Return whether a signal is known to be zero always, as that of an idle drive."""
+        """Return whether a signal is known to be zero always, as that of an idle drive.
+
+        Parameters
+        ----------
+        name : str
+            The signal.
+
+        Returns
+        -------
+        bool
+            False where its extremes are not known.
+
+        Examples
+        --------
+        >>> scales = Scales({}, {}, {}, 0.01, 1.0, extremes={"u": (0.0, 0.0), "y": (0.0, 2.0)})
+        >>> scales.is_zero("u"), scales.is_zero("y")
+        (True, False)
+        """
         return self.extremes.get(name) == (0.0, 0.0)
 
     def of_either_sign(self, names: Iterable[str]) -> "Scales":
