@@ -27,7 +27,7 @@ from sklearn_pgnn.estimation.problem import (
     with_substeps,
 )
 from sklearn_pgnn.estimation.progress import Progress
-from sklearn_pgnn.estimation.record_differences import find_group, mark, n_groups
+from sklearn_pgnn.estimation.record_differences import Group, find_group, mark, n_groups
 from sklearn_pgnn.estimation.stretches import is_long, on_stretches
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect
@@ -70,6 +70,11 @@ class Findings:
         """The re-tuned prior, the model with the causes, and the one with the formula, if any."""
         trials = {"refitted": self.result.base, "extended": self.result.final}
         return trials if self.proposal is None else {**trials, "formula": self.proposal.trial}
+
+    @property
+    def best(self) -> FittedHypothesis:
+        """The last of the trials, with all that was found."""
+        return list(self.trials.values())[-1]
 
     @property
     def remaining(self) -> Remaining:
@@ -325,19 +330,15 @@ class Investigation:
         The other candidates are tried anew beside it: what was named may have stood for it. Of a
         small residual that depends on nothing recorded, a difference must leave only noise.
         """
-        fitter, share = found.search.fitter, found.search.criterion.smallest_share
-        compare, best = found.search.compare, list(found.trials.values())[-1]
+        compare, best = found.search.compare, found.best
         if not compare.leaves_what_may_depend(best):
             return
         structure = found.structure if found.proposal is None else None
         has_structure = structure is not None and structure.is_significant
         is_clear = has_structure or compare.leaves_much(best)
         self.progress.begin("differences between records")
-        fits = (found.result.final.fit, found.result.base.fit)
-        groups = [group for fit in fits if (group := find_group(fitter.problem, fit))]
-        if not groups or groups[0].share < share:
-            return
-        for group in {group[:2]: group for group in groups}.values():
+        problem = found.search.fitter.problem
+        for group in _groups_that_differ(found):
             marked = mark(self.model, self.records, group)
             if marked.column in self.groups:
                 continue  # what differs there was tried
@@ -346,9 +347,9 @@ class Investigation:
                 model=marked.model,
                 records=marked.records,
                 candidates=(*marked.candidates, *self.candidates),
-                n_compared=self.n_compared + len(marked.candidates) * n_groups(fitter.problem),
+                n_compared=self.n_compared + len(marked.candidates) * n_groups(problem),
             )
-            again = wider._search(wider._fitter(fitter.problem.windows.hold))
+            again = wider._search(wider._fitter(problem.windows.hold))
             final = again.result.final
             is_named = bool(set(marked.candidates) & set(final.hypothesis.causes))
             is_all = not again.search.compare.leaves_what_may_depend(final)
@@ -375,6 +376,20 @@ class Investigation:
             return _provisional(held)
         better = criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0
         return again if better else held
+
+
+def _groups_that_differ(found: Findings) -> list[Group]:
+    """Return where a difference explains most beside the causes, and instead of them."""
+    problem, final, base = (
+        found.search.fitter.problem,
+        found.result.final.fit,
+        found.result.base.fit,
+    )
+    fits = (final,) if final is base else (final, base)
+    groups = [group for fit in fits if (group := find_group(problem, fit))]
+    if not groups or groups[0].share < found.search.criterion.smallest_share:
+        return []
+    return list({group[:2]: group for group in groups}.values())
 
 
 def _provisional(found: Findings) -> Findings:
