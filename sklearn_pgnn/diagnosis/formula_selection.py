@@ -133,8 +133,8 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
     """Return whether a formula explains all, and as much more simply or clearly more.
 
     The causes are given as hypotheses to which they are added one by one. A formula that leaves
-    structure, or much and not far less than they do, does not replace them: named causes are easier
-    to read. Nor is it simpler if some of the causes explain as much with no more parameters. Each
+    structure, or much, and not far less than they do, does not replace them: named causes are
+    easier to read. Nor is it simpler if some of the causes explain as much with no more parameters. Each
     of its terms is chosen from a library, as a cause is from the catalogue.
     """
     trial, final = formula.trial, steps[-1]
@@ -142,9 +142,7 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
         return False
     left, less = (search.fitter.held_out(each).windows for each in (final, trial))
     explained = explained_share(left, less)
-    if search.compare.leaves_much(trial) and explained < 1.0 - 1.0 / MUCH**2:
-        return False
-    if search.compare.is_nameable(trial) and search.has_structure(trial):
+    if explained < 1.0 - 1.0 / MUCH**2 and _leaves_more(search, trial):
         return False
     n_terms, count = len(formula.effect.terms), trial.hypothesis.n_parameters
     if count < final.hypothesis.n_parameters and n_terms <= len(final.hypothesis.causes):
@@ -153,3 +151,9 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
             return True
     more = explained >= search.criterion.smallest_share
     return more and search.compare.refutes(trial, final)
+
+
+def _leaves_more(search: Search, trial: FittedHypothesis) -> bool:
+    """Return whether a hypothesis leaves far more than noise, or what depends on the records."""
+    is_much = search.compare.leaves_much(trial)
+    return is_much or (search.compare.is_nameable(trial) and search.has_structure(trial))

@@ -27,7 +27,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import places_of
 
 #: probability from which on something without a name is a rival
-OPEN = 0.5
+OPEN = 0.1
 #: share of what a law explains that is left of it where it is learned from the other records
 LEARNED = 0.5
 
@@ -53,7 +53,7 @@ def probability_outside(
     if removed > 0.0 and all(is_stand_in(prior, each) for each in (cause, *rivals)):
         explained = share_of_laws(fitter.problem, without, places, fitter.progress.tick)
         alike = explained * float(squares[0].sum()) >= LEARNED * removed
-        doubt = max(doubt, OPEN if alike else 0.0)
+        doubt = max(doubt, 0.5 if alike else 0.0)
     return doubt
 
 

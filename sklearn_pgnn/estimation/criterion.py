@@ -253,11 +253,14 @@ class SelectionCriterion:
     def _remembers_in_vain(self, simpler: HeldOut, trial: HeldOut) -> bool:
         """Return whether added states do not improve the free run.
 
-        An explanation by states that start anew in every window does not count.
+        An explanation by states that start anew in every window does not count. Nor does one whose
+        free run tells nothing, unless the errors of the fit explain that: the motion is unstable.
         """
-        before, after = free_runs_that_tell(simpler, trial)
-        if not before.counts.size or trial.n_added <= simpler.n_added:
+        if trial.n_added <= simpler.n_added:
             return False
+        before, after = free_runs_that_tell(simpler, trial)
+        if not before.counts.size:
+            return bool((trial.beyond_uncertainty(self.alpha) > trial.free_run.counts).all())
         return explained_share(before, after) < self.smallest_share
 
     def separation(self, one: HeldOut, other: HeldOut, overdispersion: float) -> float:

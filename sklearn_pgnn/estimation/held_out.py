@@ -16,6 +16,9 @@ from sklearn_pgnn.simulation.uncertainty import parameter_covariance, propagated
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
+#: parts of their standard deviations within which added states may begin
+PARTS = np.geomspace(1e-3, 1.0, 31)
+
 
 def make_folds(problem: EstimationProblem) -> np.ndarray:
     """Split the windows into folds: by whole records, or by stretches.
@@ -76,13 +79,14 @@ class CrossValidation:
         order = np.argsort(folds, kind="stable")
         record = record_of(windows)
         free = self._residuals(over_runs, record)
+        n_added = len(fit.model.states) - len(self.problem.prior.states)
         free = replace(free, errors=over_runs / windows.scale, segment=record)
         return HeldOut(
             windows=seen,
             free_run=free,
-            memory_price=self._memory_price(fit, np.concatenate(grams), x0[order], order, seen),
+            memory_price=self._memory_price(n_added, np.concatenate(grams), x0[order], order, seen),
             block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
-            n_added=len(fit.model.states) - len(self.problem.prior.states),
+            n_added=n_added,
             tells_in_free_run=free.squares < free.counts * self._power(),
             learned=tuple(models),
             x0=x0,
@@ -123,40 +127,35 @@ class CrossValidation:
             autocorrelation_times(np.where(measured, scaled, np.nan), segment),
         )
 
-    def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:
-        r"""Return the penalty for the initial values of the states that the prior does not have.
+    def _memory_price(self, n_added: int, gram, x0, order, seen: Residuals) -> float:
+        r"""Return the penalty for the initial values of as many states as a hypothesis adds.
 
-        .. math:: V = \frac{1}{2} \sum_w \left(\log\det(I + \Sigma H_w)
-                  + z_w^T \Sigma^{-1} z_w + z_w^T H_w z_w - s_w^T H_w s_w
-                  - \frac{2}{\phi} (z_w - s_w)^T g_w\right)
+        Which ones are added is a matter of names: a sensor with a lag adds the reading, an actuator
+        with a lag the state behind the command. Counted are the directions of the initial state
+        that the outputs tell least, in units of its standard deviations. That they lie within a
+        part :math:`c \le 1` of these is estimated: states that begin every window where the free
+        run expects them cost little, states that begin anew all.
 
-        with the information :math:`H_w` that residuals of the power :math:`\phi`, in units of the
-        noise and times their autocorrelation time, give of the added states' initial values
-        beside those of the others, :math:`g_w = (\phi H_w + \Sigma^{-1}) s_w`, their variances
-        :math:`\Sigma`, their fitted deviations :math:`s_w` from the expected values,
-        and the deviations for such residuals, :math:`z_w = (H_w + \Sigma^{-1})^{-1} g_w / \phi`.
+        .. math:: V = \min_c \frac{1}{2} \sum_w \sum_{i \le n} \left(\log(1 + c^2 \lambda)
+                  - \frac{h^2}{\lambda + c^{-2}} - \lambda s^2 + 2 s h\right)_{w, i},
+                  \quad h = (\lambda + \phi^{-1}) s
+
+        with the smallest eigenvalues :math:`\lambda` of the information that residuals of the power
+        :math:`\phi`, in units of the noise and times their autocorrelation time, give of the
+        initial state, and its fitted deviations from the expected one along them, :math:`s`.
         """
-        states = list(fit.model.states)
-        prior = set(self.problem.prior.states)
-        known = [i for i, state in enumerate(states) if state in prior]
-        added = [i for i in range(len(states)) if i not in known]
-        if not added:
+        if not n_added:
             return 0.0
-        dispersion = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
-        weight = np.diag(1.0 / self.spread**2)
-        hessian = gram[:, : len(states), : len(states)] / dispersion + weight
-        across = hessian[:, known][:, :, added]
-        follow = np.linalg.solve(hessian[:, known][:, :, known], across)
-        curvature = hessian[:, added][:, :, added] - np.swapaxes(across, 1, 2) @ follow
-        weight = weight[np.ix_(added, added)]
-        told = curvature - weight
-        shift = (x0 - self.expected[order])[:, added, None]
-        slope = (dispersion * told + weight) @ shift
-        place = np.linalg.solve(curvature, slope / dispersion)
-        volume = np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(weight)[1]
-        moved = _square(curvature, place) - _square(told, shift)
-        moved = moved - 2.0 / dispersion * np.sum((place - shift) * slope, axis=(1, 2))
-        return float(0.5 * (np.maximum(volume, 0.0).sum() + moved.sum()))
+        n = self.spread.size
+        power = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
+        told, along = np.linalg.eigh(self.spread[:, None] * gram[:, :n, :n] * self.spread / power)
+        told, along = np.maximum(told[:, :n_added], 0.0), along[..., :n_added]
+        moved = np.einsum("wi,wij->wj", (x0 - self.expected[order]) / self.spread, along)
+        pull = (told + 1.0 / power) * moved
+        fixed = np.sum(2.0 * moved * pull - told * moved**2)
+        parts = PARTS[:, None, None]
+        free = np.log1p(parts**2 * told) - pull**2 / (told + parts**-2)
+        return float(0.5 * (fixed + free.sum(axis=(1, 2)).min()))
 
     def _lost(self) -> HeldOut:
         windows = self.problem.windows
@@ -164,11 +163,6 @@ class CrossValidation:
         none = Residuals(np.full(counts.shape, np.inf), counts, np.ones(counts.shape))
         shape = (len(windows), windows.blocks, windows.y.shape[1])
         return HeldOut(none, none, 0.0, np.full(shape, np.inf))
-
-
-def _square(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the squares of columns by symmetric matrices."""
-    return np.sum(columns * (matrices @ columns), axis=(1, 2))
 
 
 def segments(windows: ShootingWindows) -> np.ndarray:

@@ -197,6 +197,8 @@ def _disturbance(diagnosis, much: str) -> str:
     why = _of_single_records(diagnosis)
     if why:
         return f"What is left is more than noise ({much}){why}"
+    if diagnosis.discrepancy_ is not None:
+        return f"What is left without the formula is more than noise ({much}); it explains most."
     if diagnosis.remaining_.is_much:
         return (
             f"What is left is more than noise ({much}), and no law that was tried predicts it "

@@ -67,7 +67,7 @@ class StateEstimator:
     def _of(self, model: PhysicsModel) -> "StateEstimator":
         """Return the estimator of an extension: its own where other outputs show its states."""
         shown = _shown(model)
-        exchanged = shown != self._shown and set(shown) == set(self._shown)
+        exchanged = shown != self._shown and set(shown) <= {*self._shown, *model.states}
         paces = [model.equations[x] / symbol(v) for v, x in self._pairs.items()]
         if not exchanged and not any(pace.is_number and pace != 1 for pace in paces):
             return self
