@@ -134,8 +134,8 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
 
     The causes are given as hypotheses to which they are added one by one. A formula that leaves
     structure, or much, and not far less than they do, does not replace them: named causes are
-    easier to read. Nor is it simpler if some of the causes explain as much with no more parameters. Each
-    of its terms is chosen from a library, as a cause is from the catalogue.
+    easier to read. Nor is it simpler if some of the causes explain as much with no more parameters.
+    Each of its terms is chosen from a library, as a cause is from the catalogue.
     """
     trial, final = formula.trial, steps[-1]
     if search.compare.refutes(final, trial):

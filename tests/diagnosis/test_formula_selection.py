@@ -62,15 +62,11 @@ def test_a_formula_is_no_simpler_than_the_part_of_the_causes_that_says_as_much()
     assert takes_the_place(formula, both, part=[trial_of(2, squares=11.0)])
 
 
-def test_a_formula_that_leaves_structure_takes_no_place_however_near_it_is():
+@pytest.mark.parametrize("leaves", ["structure", "much"])
+def test_a_formula_that_leaves_more_takes_a_place_only_where_the_causes_leave_far_more(leaves):
     causes = trial_of(3, squares=10.0)
-    assert not takes_the_place(trial_of(2, squares=0.1), causes, leaves="structure")
-
-
-def test_a_formula_that_leaves_much_takes_a_place_only_where_the_causes_leave_far_more():
-    causes = trial_of(3, squares=10.0)
-    assert not takes_the_place(trial_of(2, squares=4.0), causes, leaves="much")
-    assert takes_the_place(trial_of(2, squares=2.0), causes, leaves="much")
+    assert not takes_the_place(trial_of(2, squares=4.0), causes, leaves)
+    assert takes_the_place(trial_of(2, squares=2.0), causes, leaves)
 
 
 def is_law(*terms):

@@ -83,7 +83,7 @@ def test_what_is_likelier_than_every_name_stands_beside_the_names():
     found = SimpleNamespace(causes_=(cause,))
     assert words._others(found) == f"input bias of F or {words.UNNAMED} in its place"
     assert finding._alternatives(cause).endswith(f"input bias of F or {words.UNNAMED}")
-    cause.outside = 0.1
+    cause.outside = 0.05
     assert words._others(found) == "input bias of F in its place"
     assert finding._alternatives(cause).endswith("on v or input bias of F")
 
