@@ -47,13 +47,17 @@ class Comparison:
     def separation(self, one: FittedHypothesis, other: FittedHypothesis) -> float:
         """Return how surely the second of two rivals is likelier; the same with opposite sign.
 
-        Nothing is said where the one that windows prefer has the worse free run beyond chance.
+        Nothing is said where the one that windows prefer has the worse free run beyond chance, or
+        more states that are free at the start of every window, and no better free run.
         """
         pairs = (one, other), (other, one)
         less = max(self._overdispersion(*pair) for pair in pairs)
         before, after = self.fitter.held_out(one), self.fitter.held_out(other)
         told = self.criterion.separation(before, after, less)
-        return 0.0 if told and self.runs_worse(*pairs[told < 0.0]) else told
+        likelier_last = pairs[told < 0.0]
+        if told and (self.runs_worse(*likelier_last) or not self.free_states_pay(*likelier_last)):
+            return 0.0
+        return told
 
     def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         """Return the evidence for the second of two hypotheses, each with a disturbance.
@@ -69,13 +73,16 @@ class Comparison:
         A more complex hypothesis must also pay for the number of candidates it was chosen from,
         explain at least the smallest share more, and fit better where both are fitted. No
         hypothesis refutes another one whose free run is better beyond chance; a hypothesis with
-        more added states is refuted if its free run is worse.
+        more added states is refuted if its free run is worse. With more states that are free at the
+        start of every window, it refutes only by a free run that is better beyond chance.
         """
         before, after = map(self.fitter.held_out, (worse, better))
         if before.n_added > after.n_added and self.criterion.runs_worse(after, before):
             return True
         takes_more = better.hypothesis.complexity > worse.hypothesis.complexity
         if takes_more and self._fits_as_well(worse, better):
+            return False
+        if not self.free_states_pay(worse, better):
             return False
         needed = self.criterion.to_name if takes_more else self.criterion.to_refute
         raw = self.criterion.evidence(before, after)
@@ -131,6 +138,8 @@ class Comparison:
         less = self._overdispersion(without, with_)
         if not self.criterion.names(before, after, n_causes, less, retuned):
             return False
+        if not self._adds_up(without, with_):
+            return False
         alpha, problem = self.criterion.alpha, self.fitter.problem
         if causes and not exceeds_rounding(problem, without, with_, causes):
             return False
@@ -140,6 +149,11 @@ class Comparison:
             and says_more_than_bounds(self.fitter, with_, cause)
             for cause in causes
         )
+
+    def _adds_up(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
+        """Return whether causes add to the evidence over the re-tuned prior, too."""
+        before = self.evidence(self.fitter.base(), without)
+        return np.isinf(before) or self.evidence(self.fitter.base(), with_) > before
 
     def names_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, needed: float
@@ -208,6 +222,21 @@ class Comparison:
     def runs_worse(self, than: FittedHypothesis, trial: FittedHypothesis) -> bool:
         """Return whether a hypothesis has a worse free run than another one, beyond chance."""
         return self.criterion.runs_worse(*map(self.fitter.held_out, (than, trial)))
+
+    def free_states_pay(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
+        """Return whether the free run bears out states that are free at the start of every window.
+
+        Where the second hypothesis has more of them, its free run has to be better by more than
+        chance and the errors of the other fit.
+        """
+        before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
+        if after.n_free <= before.n_free:
+            return True
+        tells = before.tells | after.tells
+        if not tells.any():
+            return not self.criterion.remembers_in_vain(before, after)
+        surely = before.beyond_uncertainty(self.criterion.alpha) > after.free_run.squares
+        return bool(surely[tells].any()) and self.criterion.runs_worse(after, before)
 
 
 def own_causes(without: FittedHypothesis, with_: FittedHypothesis) -> set[Effect]:

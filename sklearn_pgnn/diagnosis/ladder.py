@@ -14,6 +14,7 @@ from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.simulation.led_states import n_free_states
 
 
 class Ladder:
@@ -156,13 +157,21 @@ class Ladder:
         return [trial for trial in trials if trial.fit.usable]
 
     def _limit(self, best: SubsampleFit, fit: SubsampleFit) -> float:
-        """Return the sum of squares above which a fit can no longer compete with the best one."""
-        left = [each.fit.evaluation.residual for each in (best, fit)]
-        window = segments(self.fitter.rough.windows)
+        """Return the sum of squares above which a fit can no longer compete with the best one.
+
+        Every value that is free at the start of a window explains about one sample's noise.
+        """
+        left, windows = (
+            [each.fit.evaluation.residual for each in (best, fit)],
+            self.fitter.rough.windows,
+        )
+        window = segments(windows)
         time = np.max([autocorrelation_times(residual, window) for residual in left])
-        count = np.isfinite(left[0]).sum() / time
+        count = np.isfinite(left[0]).sum()
         reach = self._criterion.to_refute + self._criterion.to_name
-        return best.squares * float(np.exp(min(2.0 * reach / count, 10.0)))
+        free = [n_free_states(each.fit.model, windows) for each in (best, fit)]
+        more = max(free[0] - free[1], 0) * len(windows) / count
+        return best.squares * (float(np.exp(min(2.0 * reach * time / count, 10.0))) + more)
 
     def step(self, fit: SubsampleFit) -> SubsampleFit:
         """Report that a fit is done, and whether it is the best so far."""

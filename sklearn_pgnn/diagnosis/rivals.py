@@ -30,7 +30,8 @@ def not_refuted(
         if _says_the_same(ladder.fitter.problem.prior, cause, other):
             continue
         simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
-        stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
+        is_worse = compare.runs_worse(final, trial) and compare.free_states_pay(trial, final)
+        stands = compare.stands_in_free_run(trial) and not is_worse
         if simple and stands and not compare.refutes(final, trial):
             found.append((trial, compare.separation(trial, final)))
     return found

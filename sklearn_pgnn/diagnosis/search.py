@@ -61,7 +61,7 @@ class Search:
         self.current = fitter.base()
         self._visited: dict[Key, float] = {}  # with what was left of each
         self._standing = self.current  # the best hypothesis of which every cause is named
-        self._needed = 0.0  # evidence beside a disturbance: a disturbance stands for later causes
+        self._needed = 0.0
 
     def _use(self, fitter: HypothesisFitter, candidates: tuple[Effect, ...]) -> None:
         """Use a fitter and some candidates for the following moves."""
@@ -87,6 +87,7 @@ class Search:
         return self.so_far()
 
     def _climb_and_prune(self) -> None:
+        self._needed = 0.0  # evidence beside a disturbance: a disturbance stands for later causes
         self._climb_and_simplify()
         self._prune_and_climb()
 

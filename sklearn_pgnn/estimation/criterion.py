@@ -195,7 +195,7 @@ class SelectionCriterion:
         evidence = self.evidence(without, with_) / overdispersion
         if not self.stands_in_free_run(retuned or without, with_):
             return False
-        if self.runs_worse(without, with_) or self._remembers_in_vain(without, with_):
+        if self.runs_worse(without, with_) or self.remembers_in_vain(without, with_):
             return False
         return evidence > n_causes * self.to_name and self.explains_enough(without, with_)
 
@@ -248,13 +248,23 @@ class SelectionCriterion:
             Whether the free run, where informative, does not contradict the hypothesis.
         """
         is_worse = log_likelihood_ratio(*free_runs_that_tell(retuned, trial)) < -self.to_refute
-        return not is_worse and not self._remembers_in_vain(retuned, trial)
+        return not is_worse and not self.remembers_in_vain(retuned, trial)
 
-    def _remembers_in_vain(self, simpler: HeldOut, trial: HeldOut) -> bool:
+    def remembers_in_vain(self, simpler: HeldOut, trial: HeldOut) -> bool:
         """Return whether added states do not improve the free run.
 
         An explanation by states that start anew in every window does not count. Nor does one whose
         free run tells nothing, unless the errors of the fit explain that: the motion is unstable.
+
+        Parameters
+        ----------
+        simpler, trial : HeldOut
+            A hypothesis, and one that may have more states.
+
+        Returns
+        -------
+        bool
+            False where the second has no more states.
         """
         if trial.n_added <= simpler.n_added:
             return False

@@ -6,18 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from sklearn_pgnn.estimation.added_states import price_of_states
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.budgets import FOLDS, MOST_HELD_OUT, STRETCHES
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
+from sklearn_pgnn.simulation.led_states import led_states, n_free_states
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.uncertainty import parameter_covariance, propagated_variance
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
-
-#: parts of their standard deviations within which added states may begin
-PARTS = np.geomspace(1e-3, 1.0, 31)
 
 
 def make_folds(problem: EstimationProblem) -> np.ndarray:
@@ -79,14 +78,14 @@ class CrossValidation:
         order = np.argsort(folds, kind="stable")
         record = record_of(windows)
         free = self._residuals(over_runs, record)
-        n_added = len(fit.model.states) - len(self.problem.prior.states)
         free = replace(free, errors=over_runs / windows.scale, segment=record)
         return HeldOut(
             windows=seen,
             free_run=free,
-            memory_price=self._memory_price(n_added, np.concatenate(grams), x0[order], order, seen),
+            memory_price=self._memory_price(fit, np.concatenate(grams), x0[order], order, seen),
             block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
-            n_added=n_added,
+            n_added=len(fit.model.states) - len(self.problem.prior.states),
+            n_free=n_free_states(fit.model, windows),
             tells_in_free_run=free.squares < free.counts * self._power(),
             learned=tuple(models),
             x0=x0,
@@ -127,35 +126,21 @@ class CrossValidation:
             autocorrelation_times(np.where(measured, scaled, np.nan), segment),
         )
 
-    def _memory_price(self, n_added: int, gram, x0, order, seen: Residuals) -> float:
-        r"""Return the penalty for the initial values of as many states as a hypothesis adds.
-
-        Which ones are added is a matter of names: a sensor with a lag adds the reading, an actuator
-        with a lag the state behind the command. Counted are the directions of the initial state
-        that the outputs tell least, in units of its standard deviations. That they lie within a
-        part :math:`c \le 1` of these is estimated: states that begin every window where the free
-        run expects them cost little, states that begin anew all.
-
-        .. math:: V = \min_c \frac{1}{2} \sum_w \sum_{i \le n} \left(\log(1 + c^2 \lambda)
-                  - \frac{h^2}{\lambda + c^{-2}} - \lambda s^2 + 2 s h\right)_{w, i},
-                  \quad h = (\lambda + \phi^{-1}) s
-
-        with the smallest eigenvalues :math:`\lambda` of the information that residuals of the power
-        :math:`\phi`, in units of the noise and times their autocorrelation time, give of the
-        initial state, and its fitted deviations from the expected one along them, :math:`s`.
-        """
-        if not n_added:
-            return 0.0
-        n = self.spread.size
+    def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:
+        """Return the penalty for the initial values of as many states as a hypothesis adds."""
+        windows, states = self.problem.windows, list(fit.model.states)
+        values = windows.sum_blocks(np.isfinite(windows.y)).sum(axis=(1, 2))
+        first = np.where(windows.starts == windows.bounds[windows.record], values, 0)
         power = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
-        told, along = np.linalg.eigh(self.spread[:, None] * gram[:, :n, :n] * self.spread / power)
-        told, along = np.maximum(told[:, :n_added], 0.0), along[..., :n_added]
-        moved = np.einsum("wi,wij->wj", (x0 - self.expected[order]) / self.spread, along)
-        pull = (told + 1.0 / power) * moved
-        fixed = np.sum(2.0 * moved * pull - told * moved**2)
-        parts = PARTS[:, None, None]
-        free = np.log1p(parts**2 * told) - pull**2 / (told + parts**-2)
-        return float(0.5 * (fixed + free.sum(axis=(1, 2)).min()))
+        told = gram[:, : len(states), : len(states)] * np.outer(self.spread, self.spread) / power
+        return price_of_states(
+            told,
+            (x0 - self.expected[order]) / self.spread,
+            power,
+            first[order],
+            np.isin(states, led_states(fit.model, windows)),
+            len(states) - len(self.problem.prior.states),
+        )
 
     def _lost(self) -> HeldOut:
         windows = self.problem.windows

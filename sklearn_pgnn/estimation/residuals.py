@@ -72,6 +72,8 @@ class HeldOut:
         Squared residuals of every block of every window.
     n_added : int, default=0
         States that the hypothesis adds to the prior's.
+    n_free : int, default=0
+        States that are free at the start of every window: all but those that inputs alone drive.
     tells_in_free_run : ndarray of shape (n_outputs,), optional
         Whether the free run of an output predicts the records better than their mean does; that of
         a chaotic or unstable motion does not. By default all do.
@@ -96,6 +98,7 @@ class HeldOut:
     memory_price: float
     block_squares: np.ndarray
     n_added: int = 0
+    n_free: int = 0
     tells_in_free_run: np.ndarray | None = None
     learned: tuple[PhysicsModel, ...] = ()
     x0: np.ndarray | None = None

@@ -83,6 +83,11 @@ def led_states(model: PhysicsModel, windows: "ShootingWindows") -> tuple[str, ..
     return _driven(tuple(model.equations.items()), given, windows.states)
 
 
+def n_free_states(model: PhysicsModel, windows: "ShootingWindows") -> int:
+    """Return the number of states that are free at the start of every window."""
+    return len(model.states) - len(led_states(model, windows))
+
+
 @lru_cache(maxsize=1024)
 def _driven(equations, given, states) -> tuple[str, ...]:
     rates, symbols = dict(equations), {symbol(name) for name in given} | {TIME}

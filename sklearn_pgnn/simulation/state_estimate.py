@@ -103,7 +103,8 @@ class StateEstimator:
         x = self.values(model)
         spread = np.array([self._spread(state, x[:, i]) for i, state in enumerate(model.states)])
         for state, other in _followers(model):  # how full a store behind another one is, is unknown
-            spread[state] = max(spread[state], np.std(x[:, other]))
+            if list(model.states)[state] not in self.known:
+                spread[state] = max(spread[state], np.std(x[:, other]))
         x.flags.writeable = False
         return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
 

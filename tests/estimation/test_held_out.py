@@ -6,8 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sklearn_pgnn import (
     ModelDiagnosis,
@@ -24,7 +22,6 @@ from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.held_out import (
     MOST_HELD_OUT,
-    PARTS,
     CrossValidation,
     make_folds,
 )
@@ -267,77 +264,6 @@ def test_what_the_errors_of_a_fit_add_to_a_free_run_is_expected():
 def test_the_errors_of_a_fit_do_not_explain_what_is_missing(seed):
     found = ringing(seed, "-0.3*v*abs(v)")
     assert found.beyond_uncertainty(1e-3)[0] > 10 * found.free_run.counts[0]
-
-
-def price(gram, x0, spread=SPREAD, dispersion=1.0, n_added=1):
-    """Return what the initial values of the added states cost, expected ones being 0."""
-    validation = CrossValidation(None, np.zeros(x0.shape), spread)
-    seen = Residuals(np.array([100.0 * dispersion]), np.array([100.0]), np.ones(1))
-    return validation._memory_price(n_added, gram, x0, np.arange(len(x0)), seen)
-
-
-def drawn(seed, count):
-    """Return products of sensitivities in some windows, and their initial states."""
-    rng = np.random.default_rng(seed)
-    slopes = rng.normal(size=(count, 20, 3)) * 10.0 ** rng.uniform(-2, 2, (count, 1, 3))
-    return np.einsum("wni,wnj->wij", slopes, slopes), rng.normal(size=(count, 2))
-
-
-windows_drawn = st.builds(drawn, st.integers(0, 1000), st.integers(1, 6))
-
-
-@given(windows_drawn)
-def test_a_memory_has_a_price_that_grows_with_the_windows_and_with_what_they_show(windows):
-    gram, x0 = windows
-    whole = price(gram, x0)
-    each = [price(gram[[w]], x0[[w]]) for w in range(len(x0))]
-    assert min(each) >= 0.0
-    assert whole >= sum(each) - 1e-9  # of one part of the spread in all windows
-    assert price(10.0 * gram, x0) >= whole - 1e-9
-    assert price(gram, 2.0 * x0) >= whole - 1e-9
-    assert price(gram, x0, n_added=2) >= whole
-    assert price(gram, x0, n_added=0) == 0.0
-
-
-@given(windows_drawn, st.floats(1e-3, 1e3))
-def test_the_price_knows_no_units(windows, unit):
-    gram, x0 = windows
-    other = np.array([1.0, 1.0 / unit, 1.0])
-    changed = price(gram * np.outer(other, other), x0 / other[:2], SPREAD / other[:2])
-    assert changed == pytest.approx(price(gram, x0), rel=1e-6, abs=1e-9)
-
-
-@given(windows_drawn)
-def test_the_price_does_not_depend_on_which_state_is_called_the_added_one(windows):
-    gram, x0 = windows
-    order = [1, 0, 2]
-    exchanged = price(gram[:, order][:, :, order], x0[:, [1, 0]], SPREAD[[1, 0]])
-    assert exchanged == pytest.approx(price(gram, x0), rel=1e-6, abs=1e-9)
-
-
-def test_states_that_begin_where_they_are_expected_cost_nothing():
-    told = np.tile(np.diag([1e6, 1e4, 0.0]), (50, 1, 1))
-    assert price(told, np.zeros((50, 2))) < 1.0
-    assert price(told, SPREAD * np.ones((50, 2))) > 50.0
-
-
-@given(st.floats(1e-2, 1e4), st.floats(-3, 3), st.floats(1.0, 1e4))
-def test_the_price_is_that_of_the_integral_over_the_initial_value(sharpness, seen, power):
-    r"""Here Laplace's method is exact: :math:`-\log\int N(z; 0, c^2 s^2) e^{-g(z - a)^2/2} dz`.
-
-    Residuals with more power than the noise's tell less of the initial value, though the fit has
-    believed them. The part of the spread, c, is the one that makes it likeliest.
-    """
-    weight = 1.0 / SPREAD[1] ** 2
-    gram = np.diag([1e9, sharpness, 0.0])[None]
-    fitted = sharpness * seen / (sharpness + weight)
-    left = sharpness / power * (fitted - seen) ** 2 / 2
-    sharpness /= power
-    weights = weight / PARTS**2
-    integral = np.log1p(sharpness / weights) / 2
-    integral += sharpness * weights / (sharpness + weights) * seen**2 / 2
-    found = price(gram, np.array([[0.0, fitted]]), dispersion=power)
-    assert found + left == pytest.approx(integral.min(), rel=1e-6, abs=1e-9)
 
 
 # -- records that are too short --------------------------------------------------------------------
