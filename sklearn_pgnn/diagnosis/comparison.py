@@ -152,8 +152,9 @@ class Comparison:
 
     def _adds_up(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
         """Return whether causes add to the evidence over the re-tuned prior, too."""
-        before = self.evidence(self.fitter.base(), without)
-        return np.isinf(before) or self.evidence(self.fitter.base(), with_) > before
+        base, less, more = map(self.fitter.held_out, (self.fitter.base(), without, with_))
+        before = self.criterion.evidence(base, less)
+        return np.isinf(before) or self.criterion.evidence(base, more) > before
 
     def names_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, needed: float
@@ -232,11 +233,16 @@ class Comparison:
         before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
         if after.n_free <= before.n_free:
             return True
+        if (before.tells | after.tells).any():
+            return self.runs_surely_worse(with_, without)
+        return not self.criterion.remembers_in_vain(before, after)
+
+    def runs_surely_worse(self, than: FittedHypothesis, trial: FittedHypothesis) -> bool:
+        """Return whether a free run is worse by more than chance and the errors of its own fit."""
+        before, after = self.fitter.held_out(than), self.fitter.held_out(trial)
+        beyond = after.beyond_uncertainty(self.criterion.alpha) > before.free_run.squares
         tells = before.tells | after.tells
-        if not tells.any():
-            return not self.criterion.remembers_in_vain(before, after)
-        surely = before.beyond_uncertainty(self.criterion.alpha) > after.free_run.squares
-        return bool(surely[tells].any()) and self.criterion.runs_worse(after, before)
+        return bool(beyond[tells].any()) and self.criterion.runs_worse(before, after)
 
 
 def own_causes(without: FittedHypothesis, with_: FittedHypothesis) -> set[Effect]:

@@ -21,8 +21,8 @@ def not_refuted(
     """Return the hypotheses that may replace the accepted one, by another candidate for a cause.
 
     A candidate with more parameters is no rival: the simpler of two is preferred. Nor is one that
-    the free run contradicts, being worse than that of the re-tuned prior or of the cause; nor what
-    says the same of the sign of a term.
+    the free run contradicts, being worse than that of the re-tuned prior, or surely worse than that
+    of the cause; nor what says the same of the sign of a term.
     """
     found = []
     for trial in ladder.in_place(final, cause):
@@ -30,8 +30,7 @@ def not_refuted(
         if _says_the_same(ladder.fitter.problem.prior, cause, other):
             continue
         simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
-        is_worse = compare.runs_worse(final, trial) and compare.free_states_pay(trial, final)
-        stands = compare.stands_in_free_run(trial) and not is_worse
+        stands = compare.stands_in_free_run(trial) and not compare.runs_surely_worse(final, trial)
         if simple and stands and not compare.refutes(final, trial):
             found.append((trial, compare.separation(trial, final)))
     return found
