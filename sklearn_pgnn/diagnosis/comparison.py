@@ -1,6 +1,7 @@
 """Comparisons of fitted hypotheses: the criterion, applied to their held-out residuals."""
 
 import numpy as np
+from scipy.stats import chi2
 
 from sklearn_pgnn.diagnosis.size import (
     differs_from_none,
@@ -225,22 +226,26 @@ class Comparison:
         return self.criterion.runs_worse(*map(self.fitter.held_out, (than, trial)))
 
     def free_states_pay(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
-        """Return whether the free run bears out states that are free at the start of every window.
+        """Return whether states that are free at the start of every window explain more than noise.
 
-        Where the second hypothesis has more of them, its free run has to be better by more than
-        chance and the errors of the other fit.
+        A free value takes one square of the noise. What the second hypothesis explains with more of
+        them has to be more than chance, and its free run better.
         """
         before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
-        if after.n_free <= before.n_free:
+        values = (after.n_free - before.n_free) * len(self.fitter.problem.windows)
+        if values <= 0 or not np.isfinite(before.windows.squares).all():
             return True
-        if (before.tells | after.tells).any():
-            return self.runs_surely_worse(with_, without)
-        return not self.criterion.remembers_in_vain(before, after)
+        if self.criterion.remembers_in_vain(before, after):
+            return False
+        noise = np.maximum(after.windows.squares / np.maximum(after.windows.counts, 1.0), 1.0)
+        gained = (before.windows.squares - after.windows.squares) / noise
+        return bool(gained.sum() > chi2.ppf(1.0 - self.criterion.alpha, values))
 
     def runs_surely_worse(self, than: FittedHypothesis, trial: FittedHypothesis) -> bool:
-        """Return whether a free run is worse by more than chance and the errors of its own fit."""
+        """Return whether a free run is worse by more than chance and what its fit's errors add."""
         before, after = self.fitter.held_out(than), self.fitter.held_out(trial)
-        beyond = after.beyond_uncertainty(self.criterion.alpha) > before.free_run.squares
+        added = 0.0 if after.uncertain is None else after.uncertain
+        beyond = after.free_run.squares - added > before.free_run.squares
         tells = before.tells | after.tells
         return bool(beyond[tells].any()) and self.criterion.runs_worse(before, after)
 
