@@ -97,15 +97,18 @@ class _Emission:
         builder, source = self.builder, self.source
         with builder.if_else(builder.icmp_signed("==", task, INT(RATES))) as (rates, other):
             with rates:
-                self._evaluate([*source.rates, *source.rates_by_signs])
+                self._evaluate(source.rates, source.rates_by_signs)
             with other, builder.if_else(builder.icmp_signed("==", task, INT(OUTPUTS))) as tasks:
                 with tasks[0]:
-                    self._evaluate([*source.outputs, *source.output_slopes])
+                    self._evaluate(source.outputs, source.output_slopes)
                 with tasks[1]:
                     self._observe()
 
-    def _evaluate(self, entries) -> None:
-        """Store some entries in ``out``."""
+    def _evaluate(self, *parts: range) -> None:
+        """Store parts of the entries in ``out``; most are always zero where there are many."""
+        for part in parts:
+            cgutils.memset(self.builder, self._place("out", INT(part.start)), INT(8 * len(part)), 0)
+        entries = [entry for part in parts for entry in part if not self.lines.is_zero(entry)]
         values = self._entries(entries, self.t, self._load)
         for entry, value in zip(entries, values, strict=True):
             self.builder.store(value, self._place("out", INT(entry)))
