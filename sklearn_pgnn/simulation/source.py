@@ -321,7 +321,12 @@ def _straight_line(places, entries, prefix="c") -> tuple[tuple[str, ...], tuple[
     names = sympy.numbered_symbols(prefix, real=True)
     shared, entries = sympy.cse(at_whole_points(entries), symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
-    write = _Printer().doprint
     lines = [f"{name} = {array}[{i}]" for name, (array, i) in places.items() if name in used]
-    lines += [f"{name} = {write(expression)}" for name, expression in shared]
-    return tuple(lines), tuple(write(entry) for entry in entries)
+    lines += [f"{name} = {_printed(expression)}" for name, expression in shared]
+    return tuple(lines), tuple(map(_printed, entries))
+
+
+@lru_cache(maxsize=4096)
+def _printed(expression) -> str:
+    """Write an expression; most are zero, or were written for another model."""
+    return _Printer().doprint(expression)
