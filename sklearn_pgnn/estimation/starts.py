@@ -1,6 +1,7 @@
 """Starting values of an effect: all are evaluated, then some steps are made from the best."""
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
-from sklearn_pgnn.simulation.window_fit import expected_decrease
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, expected_decrease
 
 if TYPE_CHECKING:
     from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -74,7 +75,7 @@ class _Few:
             suppress(*BREAKDOWNS),  # another start may work
             model,
             windows,
-            tuple(freedom for freedom in free if freedom.name not in held),
+            tuple(_pinned(each, model) if each.name in held else each for each in free),
             start,
             carry_over(self.base.fit, self.base.start.x0, model, whole.x0)[which],
             max_steps=steps,
@@ -82,6 +83,12 @@ class _Few:
         )
         promise = fit.objective - expected_decrease(fit, windows, *start)
         return _Glance(fit.objective, promise, fit.model)
+
+
+def _pinned(freedom: ParameterPrior, model: PhysicsModel) -> ParameterPrior:
+    """Return a parameter that stays as it is in a model, whose function is that of other fits."""
+    value = model.parameters[freedom.name].value
+    return replace(freedom, low=value, high=value, centre=value)
 
 
 def _at_starts(

@@ -81,6 +81,7 @@ class _Emission:
         self.pieces = pieces_of_row(source.n_sensitivities)
         self.t, self.h, self.arrays = t, h, arrays
         self.alone = self._alone()
+        self._vectors: dict[tuple, ir.Value] = {}  # of one number, in every block where it is used
 
     def emit(self, task, method) -> None:
         """Emit the things that the function does, and the choice between them."""
@@ -96,15 +97,18 @@ class _Emission:
         builder, source = self.builder, self.source
         with builder.if_else(builder.icmp_signed("==", task, INT(RATES))) as (rates, other):
             with rates:
-                self._evaluate([*source.rates, *source.rates_by_signs])
+                self._evaluate(source.rates, source.rates_by_signs)
             with other, builder.if_else(builder.icmp_signed("==", task, INT(OUTPUTS))) as tasks:
                 with tasks[0]:
-                    self._evaluate([*source.outputs, *source.output_slopes])
+                    self._evaluate(source.outputs, source.output_slopes)
                 with tasks[1]:
                     self._observe()
 
-    def _evaluate(self, entries) -> None:
-        """Store some entries in ``out``."""
+    def _evaluate(self, *parts: range) -> None:
+        """Store parts of the entries in ``out``; most are always zero where there are many."""
+        for part in parts:
+            cgutils.memset(self.builder, self._place("out", INT(part.start)), INT(8 * len(part)), 0)
+        entries = [entry for part in parts for entry in part if not self.lines.is_zero(entry)]
         values = self._entries(entries, self.t, self._load)
         for entry, value in zip(entries, values, strict=True):
             self.builder.store(value, self._place("out", INT(entry)))
@@ -130,18 +134,19 @@ class _Emission:
 
     def _step(self, nodes, weights) -> None:
         """Step the states, and the rows of the sensitivities, through the stages."""
-        start, read = [*self._states(), *self._rows()], self._preloaded()
-        slopes, steps = ([self._zero(part.type) for part in start] for _ in range(2))
+        places, read = self._targets(), self._preloaded()
+        slopes, steps = ([self._zero(part.type.pointee) for part in places] for _ in range(2))
         for node, weight in self._stages(nodes, weights):
-            along = self.builder.fmul(self.h, node)
+            along, start = self.builder.fmul(self.h, node), self._loaded(places)
             now = start if _is_start(node) else self._moved(start, along, slopes)
             for value, slope, step in zip(
                 self._slopes(now, along, node, read), slopes, steps, strict=True
             ):
                 self.builder.store(value, slope)
                 self.builder.store(self._plus(self.builder.load(step), weight, value), step)
-        for value, place in zip(self._moved(start, self.h, steps), self._targets(), strict=True):
-            self.builder.store(value, place, align=8)
+        for place, step in zip(places, steps, strict=True):
+            (end,) = self._moved(self._loaded([place]), self.h, [step])
+            self.builder.store(end, place, align=8)
 
     def _stages(self, nodes, weights):
         """Yield the node and the weight of every stage, to emit what is done there.
@@ -409,7 +414,7 @@ class _Emission:
         return [self._load("x", i) for i in range(self.source.n_states)]
 
     def _rows(self):
-        return [self.builder.load(place, align=8) for place in self._row_places()]
+        return self._loaded(self._row_places())
 
     def _input(self, i, node):
         """Return an input on its way from the step's start to its end."""
@@ -441,9 +446,12 @@ class _Emission:
 
     def _spread(self, value, kind):
         """Return a vector of one number."""
-        first = self.builder.insert_element(ir.Constant(kind, ir.Undefined), value, INT(0))
-        everywhere = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
-        return self.builder.shuffle_vector(first, first, everywhere)
+        key = self.builder.block, value, kind
+        if key not in self._vectors:
+            first = self.builder.insert_element(ir.Constant(kind, ir.Undefined), value, INT(0))
+            everywhere = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+            self._vectors[key] = self.builder.shuffle_vector(first, first, everywhere)
+        return self._vectors[key]
 
     def _constant(self, values):
         """Return numbers as a constant array of the module."""
@@ -463,6 +471,9 @@ class _Emission:
 
     def _place(self, array, index):
         return self.builder.gep(self.arrays[array], [index])
+
+    def _loaded(self, places):
+        return [self.builder.load(place, align=8) for place in places]
 
     def _row_places(self, array="S", first=0, n_rows=None):
         """Return where the pieces of rows of sensitivities are; by default those of the states."""

@@ -174,6 +174,7 @@ def slope_name(name: str) -> str:
     return f"_slope_{name}"
 
 
+@lru_cache(maxsize=4096)
 def differentiate(expression, variable):
     """Differentiate almost everywhere: jumps contribute nothing."""
     derivative = sympy.diff(expression, variable)
@@ -273,8 +274,8 @@ def _written(model: PhysicsModel, differentiated: bool) -> Source:
     entries = f + g
     if differentiated:
         for part in (f, g):
-            entries += [differentiate(e, v) for e in part for v in x]
-            entries += [_by_parameter(model, local, e, p) for e in part for p in model.parameters]
+            entries += [slope for e in part for slope in _slopes(e, x)]
+            entries += [slope for e in part for slope in _by_parameters(model, local, e)]
     signs = [local[s] for s in dry.symbols]
     check_signs(f, signs, dry, list(model.states))
     by_signs = [sympy.diff(e, s) for e in (*g, *f) for s in signs]
@@ -287,14 +288,22 @@ def _written(model: PhysicsModel, differentiated: bool) -> Source:
     return Source(lines, filled, dry.rows, len(f), len(g), n_parameters)
 
 
-def _by_parameter(model, local, expression, name):
-    """Differentiate by a parameter, through a late input where it is a delay."""
-    derivative = differentiate(expression, local[symbol(name)])
-    for late, delay in model.delays.items():
-        if delay == name:
-            slope = local[sympy.Symbol(slope_name(late), real=True)]
-            derivative += differentiate(expression, local[symbol(late)]) * slope
-    return derivative
+def _slopes(expression, variables) -> list:
+    """Differentiate by every variable, by those that are not there without asking SymPy."""
+    there = expression.free_symbols
+    return [differentiate(expression, v) if v in there else sympy.Integer(0) for v in variables]
+
+
+def _by_parameters(model, local, expression) -> list:
+    """Differentiate by every parameter, through a late input where it is a delay."""
+    late = [local[sympy.Symbol(name, real=True)] for name in model.delays]
+    slopes = [local[sympy.Symbol(slope_name(name), real=True)] for name in model.delays]
+    through = dict.fromkeys(model.parameters, sympy.Integer(0))
+    by_late = _slopes(expression, late)
+    for delay, by_input, slope in zip(model.delays.values(), by_late, slopes, strict=True):
+        through[delay] += by_input * slope
+    direct = _slopes(expression, [local[symbol(name)] for name in model.parameters])
+    return [own + through[name] for name, own in zip(model.parameters, direct, strict=True)]
 
 
 def _places(model, dry):
@@ -312,7 +321,12 @@ def _straight_line(places, entries, prefix="c") -> tuple[tuple[str, ...], tuple[
     names = sympy.numbered_symbols(prefix, real=True)
     shared, entries = sympy.cse(at_whole_points(entries), symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
-    write = _Printer().doprint
     lines = [f"{name} = {array}[{i}]" for name, (array, i) in places.items() if name in used]
-    lines += [f"{name} = {write(expression)}" for name, expression in shared]
-    return tuple(lines), tuple(write(entry) for entry in entries)
+    lines += [f"{name} = {_printed(expression)}" for name, expression in shared]
+    return tuple(lines), tuple(map(_printed, entries))
+
+
+@lru_cache(maxsize=4096)
+def _printed(expression) -> str:
+    """Write an expression; most are zero, or were written for another model."""
+    return _Printer().doprint(expression)

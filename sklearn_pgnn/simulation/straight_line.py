@@ -8,7 +8,7 @@ long as compiling it.
 import ast
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 
 from llvmlite import ir
 
@@ -48,8 +48,8 @@ class Assignments:
     def __init__(self, text: str):
         self.entries: dict[int, ast.expr] = {}
         self._lines: dict[str, ast.expr] = {}
-        for line in ast.parse(text).body:
-            (target,), value = line.targets, line.value  # type: ignore[attr-defined]
+        for line in map(_parsed, text.splitlines()):
+            (target,), value = line.targets, line.value
             if isinstance(target, ast.Name):
                 self._lines[target.id] = value
             else:
@@ -77,6 +77,12 @@ class Assignments:
                 names |= _names(self._lines[name])
                 kept.append((name, self._lines[name]))
         return kept[::-1]
+
+
+@lru_cache(maxsize=4096)
+def _parsed(line: str) -> ast.Assign:
+    """Parse a line; most are those of another model."""
+    return ast.parse(line).body[0]  # type: ignore[return-value]
 
 
 def _names(expression: ast.expr) -> set[str]:

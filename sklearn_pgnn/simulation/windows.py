@@ -163,7 +163,8 @@ class Evaluation:
     @cached_property
     def gram(self) -> np.ndarray:
         """The products summed over every window, of shape (n_windows, q + 1, q + 1)."""
-        return self.block_gram.sum(axis=1)
+        one = self.block_gram.shape[1] == 1  # nothing to sum, and nothing to keep twice
+        return self.block_gram[:, 0] if one else self.block_gram.sum(axis=1)
 
     @cached_property
     def squares(self) -> np.ndarray:
