@@ -1,7 +1,8 @@
 """What is hidden: an effect's name and target, and what it does to a rig, written by hand."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from rigs import Rig
@@ -10,6 +11,9 @@ from rigs import Rig
 SMOOTH = 2e-3
 #: sizes over the typical effort, least and largest
 LEAST, LARGEST = 0.15, 0.4
+#: laws that are sums of others: two levels of dry friction are their mean, and a load of half of
+#: what they differ by, also where they hold a machine
+SUMS = {"asymmetric_friction": ("coulomb_friction", "constant_load")}
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,17 @@ class Hidden:
     def accepted(self) -> set[tuple[str, str]]:
         """Every right name."""
         return {(self.effect, self.target), *self.also}
+
+    @property
+    def places(self) -> set[str]:
+        """Every right place."""
+        return {target for _, target in self.accepted}
+
+    def is_sum_of(self, named: Sequence[set[tuple[str, str]]]) -> bool:
+        """Return whether causes, each with all that it may be, make up what is hidden."""
+        parts = [{(law, at) for at in self.places} for law in SUMS.get(self.effect, ())]
+        orders = permutations(named) if len(named) == len(parts) else ()
+        return any(all(map(set.intersection, parts, order)) for order in orders)
 
 
 @dataclass(frozen=True)
