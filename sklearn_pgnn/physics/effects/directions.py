@@ -33,7 +33,8 @@ class CoefficientByDirection(Effect):
     The flow :math:`s` is what :math:`k` multiplies (or is divided by it) in an equation: the heat
     that comes in, the current that charges, the flow through a valve. Where it enters two
     equations with opposite signs, it goes from one store to the other, and its direction is that
-    in the first.
+    in the first. What was known as the parameter may be the value in either direction, or one
+    between: both values are fitted, within the parameter's bounds.
 
     Parameters
     ----------
@@ -56,6 +57,8 @@ class CoefficientByDirection(Effect):
 
     change: float = quantity("dir", "", low=-0.99)
     id = "coefficient_by_direction"
+    generalises = ("wrong_parameter",)
+    revalues = True
     phrase = "{target} that differs by direction"
     lacking = "has a"
     summary = (
