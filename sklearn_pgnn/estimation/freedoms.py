@@ -10,7 +10,6 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.same_in_equations import held_parameters, shared_parameters
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
@@ -25,11 +24,11 @@ def freedoms(
 ) -> tuple[ParameterPrior, ...]:
     """Return the range and spread of every free parameter under a hypothesis.
 
-    The prior's parameters stay within their spread, so one of value 0 stays there; one that the
-    hypothesis names as wrong may vary within its bounds; the effects' own stay within their limits,
-    and undo no more of a parameter than its bounds allow. Parameters that are `held` do not vary.
+    The prior's parameters stay within their spread, so one of value 0 stays there; one to which the
+    hypothesis gives another value may vary within its bounds; the effects' own stay within their
+    limits, and undo no more of a parameter than its bounds allow. What is `held` does not vary.
     """
-    wrong = _said_to_be_wrong(hypothesis)
+    wrong = _revalued(hypothesis)
     still = {*held, *_without_spread(problem.prior, hypothesis)}
     free = [
         freedom_of(problem.prior, name, within_spread=name not in wrong)
@@ -66,7 +65,7 @@ def _undoing(model: PhysicsModel, effect: Effect, held: Collection[str]) -> dict
 def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[ParameterPrior, ...]:
     """Return the spread of the prior's parameters that the causes keep fixed, of those with one."""
     prior = problem.prior
-    held = held_by(prior, hypothesis) - _said_to_be_wrong(hypothesis)
+    held = held_by(prior, hypothesis) - _revalued(hypothesis)
     names = [name for name in prior.free_parameters if name in held]
     uncertain = [name for name in names if 0 < prior.parameters[name].reach < math.inf]
     return tuple(freedom_of(prior, name, within_spread=True) for name in uncertain)
@@ -92,11 +91,11 @@ def held_by(
 
 
 def _without_spread(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
-    """Name the parameters of value 0 that are not named as wrong: a share of 0 is 0."""
+    """Name the parameters of value 0 that get no other value: a share of 0 is 0."""
     still = {name for name in model.free_parameters if model.parameters[name].reach == 0}
-    return still - _said_to_be_wrong(hypothesis)
+    return still - _revalued(hypothesis)
 
 
-def _said_to_be_wrong(hypothesis: Hypothesis) -> set[str]:
-    """Name the parameters that a hypothesis names as wrong."""
-    return {each.target for each in hypothesis.causes if isinstance(each, WrongParameter)}
+def _revalued(hypothesis: Hypothesis) -> set[str]:
+    """Name the parameters to which a hypothesis gives other values."""
+    return {each.target for each in hypothesis.causes if each.revalues}

@@ -112,7 +112,8 @@ def sensors_last(model: PhysicsModel, causes: tuple[Effect, ...]) -> tuple[Effec
 
 def count_parameters(cause: Effect) -> int:
     """Count the parameters a cause adds or frees; a wiring is right or wrong."""
-    return 0 if isinstance(cause, Wiring) else max(1, len(cause.names()))
+    freed = {cause.target} if cause.revalues else set()
+    return 0 if isinstance(cause, Wiring) else max(1, len(freed.union(cause.names().values())))
 
 
 def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Effect, other: Effect) -> bool:

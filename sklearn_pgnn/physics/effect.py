@@ -111,6 +111,8 @@ class Effect(ABC):
     generalises: ClassVar[tuple[str, ...]] = ()
     #: ids of effects that cannot be combined with this one
     excludes: ClassVar[tuple[str, ...]] = ()
+    #: whether the parameter that it acts on may have any other value as well
+    revalues: ClassVar[bool] = False
     #: by id of an effect on the same target, the fields that the other effect takes over and
     #: that stay at zero here
     shared: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

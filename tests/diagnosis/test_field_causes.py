@@ -191,6 +191,18 @@ def test_what_is_hidden_is_named_beside_its_relatives(rig, effect, catalogue):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("known", [0.02, 0.03, 0.04])
+def test_what_was_known_of_a_coefficient_may_be_its_value_in_either_direction(known):
+    """20 mOhm in charge and 40 mOhm in discharge; the prior has one of them, or the mean."""
+    truth = CELL.with_parameters(R0=0.04) + effects.CoefficientByDirection("R0", -0.5)
+    steps = ((-3, 3, 37),)  # some within a window
+    rig = CYCLED._replace(model=CELL.with_parameters(R0=known), levels=steps)
+    (cause,) = diagnose(rig, truth, TERMINALS, seed=11).causes_
+    assert cause.effect == "coefficient_by_direction"
+    assert cause.parameters["change"].value == pytest.approx(-0.5, rel=0.1)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rig", "catalogue"),
     [

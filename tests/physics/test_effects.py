@@ -220,6 +220,16 @@ def test_an_uneven_dead_zone_lets_through_what_is_beyond_either_end():
     np.testing.assert_array_equal(even.simulate(T, u).y, plain.simulate(T, u).y)
 
 
+def test_friction_that_differs_by_direction_is_coulomb_friction_and_a_load():
+    """Where it slides and where it holds: 3 N forward, 1 N back are 2 N and a load of 1 N."""
+    u = 4 * np.sin(T)
+    uneven = block() + effects.AsymmetricFriction("v", 3.0, 1.0)
+    sum_ = block() + effects.CoulombFriction("v", 2.0) + effects.ConstantLoad("v", 1.0)
+    one, other = (each.simulate(T, u, substeps=4).x for each in (uneven, sum_))
+    assert 0.1 < np.mean(one[:, 1] == 0.0) < 0.5
+    np.testing.assert_allclose(one, other, atol=1e-12)
+
+
 def test_what_leaks_goes_to_the_level_around_it():
     room = 20.0
     rates, inputs = {"h": "q"}, {"q": "K/s", "room": "K"}

@@ -152,6 +152,19 @@ def test_what_passes_from_one_store_to_another_is_not_lost_in_either_direction(c
     np.testing.assert_allclose(held, held[0], rtol=1e-9)
 
 
+def test_a_resistance_by_direction_is_the_same_seen_from_either_store():
+    capacities = {"C1": 2.0, "C2": 5.0}
+    rates = {"a": "(b - a)/(R*C1)", "b": "(a - b)/(R*C2)"}
+    wall = PhysicsModel({"a": "K", "b": "K"}, rates, {"R": 4.0, **capacities})
+    assert "R" in effects.CoefficientByDirection.targets(wall)
+    turned = wall + effects.CoefficientByDirection("R", change=1.0)  # where b is warmer than a
+    for start, resistance in (([0.0, 10.0], 8.0), ([10.0, 0.0], 4.0)):
+        x = run(turned, x0=start).x
+        np.testing.assert_allclose(x @ [2.0, 5.0], np.dot(start, [2.0, 5.0]), rtol=1e-9)
+        decayed = np.exp(-T / resistance * (1 / 2.0 + 1 / 5.0))
+        np.testing.assert_allclose(np.diff(x).ravel(), np.diff(start) * decayed, atol=1e-7)
+
+
 def test_a_coefficient_whose_flow_never_turns_is_not_tried():
     scales = Scales({}, {"u": 3.0, "y": 6.0}, {}, 0.01, 1.0, extremes={"u": (0.0, 3.0)})
     gain = effects.CoefficientByDirection("K")

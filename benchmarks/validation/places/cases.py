@@ -21,8 +21,6 @@ FROZEN, DEVELOPMENT = 57_281_128, 11
 HIDDEN, NOTHING = 80, 40
 #: how far the prior's parameters are off; a diagnosis takes 10 % for calibrated
 OFF = 0.05
-#: smoothed friction changes by at most this share a step
-RESOLVED = 0.4
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ def _rig(case: Case, p, u, rng) -> Changed:
     if what.target not in plant.rig.ports:
         return plant.change(plant.rig, p, what, x, u, rng)
     rates = np.array([plant.rig.rates(a, b, p) for a, b in zip(x, u, strict=True)])
-    return hide.at_port(plant.rig, p, what, (x, rates), rng)
+    return hide.at_port(plant.rig, p, what, (x, rates), plant.dt / plant.substeps, rng)
 
 
 def _run(plant: Plant, rig: Changed, u):
@@ -95,8 +93,7 @@ def _run(plant: Plant, rig: Changed, u):
     start = [plant.start.get(name, 0.0) for name in plant.model.states]
     start += [start[0] if plant.model.capacity else 0.0] * rig.added
     x0 = np.tile(start, (u.shape[1], 1))
-    substeps = max(plant.substeps, int(np.ceil(rig.fastest * plant.dt / RESOLVED)))
-    x = integrate(rig.rates, x0, u, plant.dt, substeps)
+    x = integrate(rig.rates, x0, u, plant.dt, plant.substeps, rig.during)
     if not np.all(np.isfinite(x)):
         raise ValueError(f"{plant.model.name}: expected a finite run")
     return x, np.array([rig.outputs(a, b) for a, b in zip(x, u, strict=True)])

@@ -8,8 +8,9 @@ from cases import Case, make
 
 from sklearn_pgnn import ModelDiagnosis
 
-#: right: named alone; group: right, though others do as well; place: another effect at the right
-#: port; missed: nothing named; wrong: another port; adequate and false: of nothing hidden
+#: right: named alone; group: right, though others do as well, or several that are the same law;
+#: place: another effect at the right port; missed: nothing named; wrong: another port; adequate and
+#: false: of nothing hidden
 OUTCOMES = ("right", "group", "place", "missed", "wrong", "adequate", "false", "failed")
 #: a wrong port is said surely above this probability
 SURE = 0.9
@@ -62,7 +63,7 @@ def _since(start: float) -> float:
 
 
 def judge(what, found) -> str:
-    """Judge a diagnosis; a further cause beside the right one makes it wrong."""
+    """Judge a diagnosis; a cause that is neither the right one nor a part of it makes it wrong."""
     causes = found.causes_
     if what is None:
         well = found.verdict_ in ("model_adequate", "nothing_found") and not causes
@@ -70,20 +71,21 @@ def judge(what, found) -> str:
     if not causes:
         return "missed"
     if len(causes) > 1:
-        return "wrong"
+        return "group" if what.is_sum_of([*map(_may_be, causes)]) else "wrong"
     (cause,) = causes
     if (cause.effect, cause.target) in what.accepted:
         return "group" if cause.confused_with else "right"
-    if what.accepted & {(each.effect, each.target) for each in cause.confused_with}:
+    if what.accepted & _may_be(cause):
         return "group"
-    return "place" if cause.target in _places(what) else "wrong"
+    return "place" if cause.target in what.places else "wrong"
 
 
-def _places(what) -> set[str]:
-    return set() if what is None else {target for _, target in what.accepted}
+def _may_be(cause) -> set[tuple[str, str]]:
+    """Return a cause and what it is confused with."""
+    return {(each.effect, each.target) for each in (cause, *cause.confused_with)}
 
 
 def _sure(what, causes) -> list[str]:
     """Return causes at wrong ports that are said surely."""
-    places = _places(what)
+    places = set() if what is None else what.places
     return [c.target for c in causes if c.probability > SURE and c.target not in places]

@@ -2,7 +2,8 @@ r"""The machines once more, written by hand and integrated without the package.
 
 A mechanism is :math:`M(q)\,\dot v = f(q, v, u) - J^\top e`, with the efforts :math:`e` of what is
 hidden at its ports; a network is :math:`\dot x = f(x, u)`. All records advance at once, by Runge
-and Kutta's steps so fine that smoothed friction is resolved. Axes: record, then quantity.
+and Kutta's steps; dry friction is held within a step, and holds what is at rest. Axes: record, then
+quantity.
 """
 
 from collections.abc import Callable
@@ -36,16 +37,20 @@ class Rig:
     ports: dict[str, tuple[Array, Array]] = field(default_factory=dict)
 
 
-def integrate(rates, x0: Array, u: Array, dt: float, substeps: int) -> Array:
-    """Return the states at every sample; u, of (sample, record, input), is held."""
+def integrate(rates, x0: Array, u: Array, dt: float, substeps: int, during=None) -> Array:
+    """Return the states at every sample; u, of (sample, record, input), is held.
+
+    What acts `during` a step is asked for at its beginning.
+    """
     x, h = x0.copy(), dt / substeps
     states = [x]
     for now in u[:-1]:
         for _ in range(substeps):
-            k1 = rates(x, now)
-            k2 = rates(x + h / 2 * k1, now)
-            k3 = rates(x + h / 2 * k2, now)
-            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rates(x + h * k3, now))
+            rate = rates if during is None else during(x, now)
+            k1 = rate(x, now)
+            k2 = rate(x + h / 2 * k1, now)
+            k3 = rate(x + h / 2 * k2, now)
+            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3, now))
         states.append(x)
     return np.array(states)
 

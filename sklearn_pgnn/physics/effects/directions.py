@@ -33,7 +33,8 @@ class CoefficientByDirection(Effect):
     The flow :math:`s` is what :math:`k` multiplies (or is divided by it) in an equation: the heat
     that comes in, the current that charges, the flow through a valve. Where it enters two
     equations with opposite signs, it goes from one store to the other, and its direction is that
-    in the first.
+    in the first. What was known as the parameter may be the value in either direction, or one
+    between: both values are fitted, within the parameter's bounds.
 
     Parameters
     ----------
@@ -56,6 +57,8 @@ class CoefficientByDirection(Effect):
 
     change: float = quantity("dir", "", low=-0.99)
     id = "coefficient_by_direction"
+    generalises = ("wrong_parameter",)
+    revalues = True
     phrase = "{target} that differs by direction"
     lacking = "has a"
     summary = (
@@ -80,7 +83,7 @@ class CoefficientByDirection(Effect):
         parts = {"equations": dict(model.equations), "outputs": dict(model.outputs)}
         flows = _flows(model, self.target)
         for way in flows:
-            same = _ratio(model, way.flow, flows[0].flow) > 0
+            same = (_ratio(model, way.flow, flows[0].flow) or 1.0) > 0
             forward = maximum(way.flow, 0) if same else minimum(way.flow, 0)
             change = 1 / (1 + p["change"]) - 1 if way.divides else p["change"]
             parts[way.part][way.name] += change * forward
@@ -129,7 +132,8 @@ def _flows(model, name: str) -> tuple[_Flow, ...]:
                 if flow is None:
                     return ()
                 found.append(flow)
-    if len(found) > 1 and any(flow.divides for flow in found):
+    divides = any(flow.divides for flow in found)
+    if divides and not all(_ratio(model, flow.flow, found[0].flow) for flow in found):
         return ()  # a capacity of several stores
     return tuple(found)
 
@@ -155,8 +159,8 @@ def _is_motion(model, state: str) -> bool:
     return is_velocity(model, state) or state in model.kinematic_pairs.values()
 
 
-def _ratio(model, flow: sympy.Expr, first: sympy.Expr) -> float:
-    """Return the ratio of two flows at the parameters' values; 1 where it is not constant."""
+def _ratio(model, flow: sympy.Expr, first: sympy.Expr) -> float | None:
+    """Return the ratio of two flows at the parameters' values; None where it is not constant."""
     values = {symbol(name): p.value for name, p in model.parameters.items()}
     ratio = sympy.cancel(flow / first).subs(values)
-    return float(ratio) if ratio.is_number else 1.0
+    return float(ratio) if ratio.is_number else None

@@ -41,6 +41,7 @@ class WrongParameter(Effect):
 
     value: float | None = None
     id = "wrong_parameter"
+    revalues = True
     phrase = "wrong value of {target}"
     lacking = "has a"
     summary = "The model has the right form, but this parameter has a wrong value."

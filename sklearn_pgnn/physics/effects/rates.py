@@ -158,7 +158,10 @@ class ConstantLoad(RateEffect):
 
     load: float = quantity("F0", "{force}")
     id = "constant_load"
-    summary = "A force of constant size and direction: weight, a tilted axis, a tensioned cable."
+    summary = (
+        "A force of constant size and direction: weight, a tilted axis, a tensioned cable. Beside "
+        "dry friction, also what this differs by in the two directions."
+    )
     check = "Release the unpowered machine: it drifts to one side, or needs force to stay."
 
     def force(
