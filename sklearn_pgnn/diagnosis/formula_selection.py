@@ -10,6 +10,7 @@ from sklearn_pgnn.diagnosis.unexplained import (
     library_size,
     propose,
     propose_again,
+    tells_time,
 )
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
@@ -91,9 +92,10 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
     places = places_of(problem.prior)
     likely = likely_places(problem, ground, places)
     progress.begin("formula", len(likely))
+    timed = not tells_time(problem, ground)
     for channel in likely:
         with search.fitter.failures.tolerate((ground.hypothesis, channel), "formula", channel):
-            found += propose(problem, ground, channel, progress.tick)
+            found += propose(problem, ground, channel, progress.tick, timed)
         progress.step()
     if not found:
         return None

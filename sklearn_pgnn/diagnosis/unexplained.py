@@ -9,6 +9,7 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.term_choice import independent, telling_terms
 from sklearn_pgnn.diagnosis.term_library import leading_quantities, term_library
+from sklearn_pgnn.diagnosis.trees import share_predicted
 from sklearn_pgnn.estimation.budgets import SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
@@ -128,16 +129,20 @@ def propose(
     base: FittedHypothesis,
     channel: str,
     each_step: Callable[[], bool | None] | None = None,
+    timed: bool = True,
 ) -> list[Proposal]:
     """Estimate the hidden input of a channel, and formulas for it with one, two, and more terms.
 
     The terms are those whose effect on the outputs, along the trajectories of the model and with
-    its parameters and initial states re-tuned, explains most of the residuals.
+    its parameters and initial states re-tuned, explains most of the residuals; functions of the
+    time are among them if it is `timed`.
     """
     model, hidden = base.fit.model, hidden_input(problem, base, channel, each_step)
     if not np.all(np.isfinite(hidden.values)):
         return []
     table = smoothed_samples(problem, model, hidden)
+    if not timed:
+        del table["t"]
     leading = leading_quantities(problem.prior, table, hidden.values)
     terms = term_library(problem.prior, table, leading)
     columns = np.column_stack([evaluate_samples(term, table, hidden.values.size) for term in terms])
@@ -148,6 +153,20 @@ def propose(
     ]
     fitted = [_proposal(problem, base, hidden, formula, each_step) for formula in formulas]
     return [proposal for proposal in fitted if proposal.trial.fit.usable]
+
+
+def tells_time(problem: EstimationProblem, base: FittedHypothesis) -> bool:
+    """Return whether states and inputs tell most of the time: all records are the same motion.
+
+    Then a law of these comes before one of time.
+    """
+    model, windows = base.fit.model, problem.windows
+    known = np.column_stack([problem.states.values(model), windows.acting_inputs(model)])
+    record = windows.record_at(np.arange(windows.t.size))
+    if np.unique(record).size < 2 or not np.isfinite(known).all():
+        return False
+    time = windows.t - windows.t[windows.bounds[record]]
+    return share_predicted(known, time, record) > 0.5
 
 
 def propose_again(

@@ -5,12 +5,14 @@ import pickle
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.diagnosis.term_choice import _slope_by
+from sklearn_pgnn.diagnosis.unexplained import tells_time
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.exceptions import ModelError
@@ -288,3 +290,20 @@ def test_a_sensor_that_sees_the_magnitude_is_named():
     hidden = make_hidden_effect(cart, "sensor_rectification", random_state=0, **RECORDS)
     diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
     assert [cause.effect for cause in diagnosis.causes_] == ["sensor_rectification"]
+
+
+def test_states_tell_the_time_where_all_records_are_the_same_motion():
+    ball = PhysicsModel({"h": "m", "v": "m/s"}, {"h": "v", "v": "-9.81"}, outputs={"y": "h"})
+    cart, told = systems.cart_on_spring(), []
+    for model, starts in ((ball, [[30.0, 0.0], [31.0, 0.1], [29.0, 0.0]]), (cart, [None] * 3)):
+        X, y, rng = [], [], np.random.default_rng(0)
+        for i, x0 in enumerate(starts):
+            t = np.arange(200) / 50.0
+            u = rng.normal(size=(200, len(model.inputs)))
+            y.append(model.simulate(t, u, x0=x0).y[:, 0] + 1e-3 * rng.normal(size=200))
+            inputs = dict(zip(model.inputs, u.T, strict=True))
+            X.append(pd.DataFrame({"trajectory": i, "t": t, **inputs}))
+        records = read_records(model, pd.concat(X), np.concatenate(y))
+        fitter = HypothesisFitter(build_problem(model, records))
+        told.append(tells_time(fitter.problem, fitter.base()))
+    assert told == [True, False]

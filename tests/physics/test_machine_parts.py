@@ -170,3 +170,11 @@ def test_an_input_fades_behind_a_dead_zone():
 def test_only_speeds_that_an_input_drives_fade_it():
     assert effects.InputFading.targets(systems.two_tanks()) == ()
     assert effects.InputFading.targets(block()) == ("F(v)",)
+
+
+@pytest.mark.parametrize("kind", [effects.Hysteresis, effects.HystereticSpring])
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (-1.0, 0.01)])
+def test_a_loop_shows_where_the_motion_goes_both_ways(kind, low, high):
+    cart = systems.cart_on_spring()
+    seen = Scales({}, {}, {}, 0.01, 1.0, extremes={"v": (low, high)})
+    assert kind("v").is_shown(cart, seen) is (high == 1.0)

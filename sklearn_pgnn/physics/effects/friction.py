@@ -326,6 +326,12 @@ class StribeckFriction(SpeedEffect):
         return {"velocity": (0.005 * scales.typical[target], 2.0 * scales.typical[target])}
 
 
+def goes_both_ways(velocity: str, scales: Scales) -> bool:
+    """Return whether a motion goes in both directions, by more than the error of an estimate."""
+    low, high = scales.ends(velocity)
+    return min(-low, high) > BOTH_WAYS * (high - low)
+
+
 @dataclass(frozen=True)
 class AsymmetricFriction(SpeedEffect):
     r"""Dry and viscous friction that differ by the direction of motion.
@@ -374,8 +380,7 @@ class AsymmetricFriction(SpeedEffect):
 
     def is_distinct(self, scales: Scales) -> bool:
         """Return whether the motion goes in both directions."""
-        low, high = scales.ends(self.target)
-        return min(-low, high) > BOTH_WAYS * (high - low)
+        return goes_both_ways(self.target, scales)
 
 
 @dataclass(frozen=True)
@@ -479,6 +484,10 @@ class Hysteresis(PositionEffect):
         changes["states"] = {**model.states, self.state: ""}
         changes["initial_state"] = {**model.initial_state, self.state: 0.0}
         return changes
+
+    def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
+        """Return whether the motion goes in both directions, as a loop needs."""
+        return goes_both_ways(self.target, scales)
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:

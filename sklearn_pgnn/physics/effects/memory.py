@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import sympy
 
 from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effects.friction import goes_both_ways
 from sklearn_pgnn.physics.effects.rates import PositionEffect, force_scale
 from sklearn_pgnn.physics.expressions import symbol
 
@@ -87,6 +88,10 @@ class HystereticSpring(PositionEffect):
         changes["states"] = {**model.states, self.state: self.units(model)["force"]}
         changes["initial_state"] = {**model.initial_state, self.state: 0.0}
         return changes
+
+    def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
+        """Return whether the motion goes in both directions, as a loop needs."""
+        return goes_both_ways(self.target, scales)
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
