@@ -47,7 +47,7 @@ def price_of_states(
     if not n:
         return 0.0
     told, moved = told[first == 0], moved[first == 0]
-    led = np.count_nonzero(driven)
+    led = int(driven.sum())
     parts = [_least_told(_beside_others(told, driven), moved[:, driven], led)]
     own = told[:, ~driven][:, :, ~driven]
     parts.append(_least_told(own, moved[:, ~driven], n - led))
@@ -61,7 +61,7 @@ def price_of_states(
 
 def _beside_others(told: np.ndarray, some: np.ndarray) -> np.ndarray:
     """Return what is told of some states while the others are free, by the Schur complement."""
-    others = told[:, ~some][:, :, ~some] + np.eye(np.count_nonzero(~some))
+    others = told[:, ~some][:, :, ~some] + np.eye(int((~some).sum()))
     across = told[:, ~some][:, :, some]
     return told[:, some][:, :, some] - np.swapaxes(across, 1, 2) @ np.linalg.solve(others, across)
 

@@ -261,8 +261,9 @@ class PowerAnalysis:
             runs = of_runs.draws(rng, self.n_repeats)
         less = seen.overdispersion
         for (left, noise), (left_of_run, noise_of_run) in zip(pairs, runs, strict=True):
-            without = HeldOut(left, left_of_run, 0.0, np.empty(0), 0, self._tells)
-            with_ = HeldOut(noise, noise_of_run, 0.0, np.empty(0), n_added, self._tells)
+            none, tells = np.empty(0), self._tells
+            without = HeldOut(left, left_of_run, 0.0, none, tells_in_free_run=tells)
+            with_ = HeldOut(noise, noise_of_run, 0.0, none, n_added, tells_in_free_run=tells)
             yield self._is_sought(left, noise, rng) and self.criterion.names(
                 without, with_, 1, less
             )

@@ -53,7 +53,7 @@ class Assignments:
             if isinstance(target, ast.Name):
                 self._lines[target.id] = value
             else:
-                self.entries[target.slice.value] = value
+                self.entries[target.slice.value] = value  # type: ignore[attr-defined]
 
     @property
     def places(self) -> list[tuple[str, int]]:
