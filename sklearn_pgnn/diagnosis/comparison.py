@@ -8,6 +8,7 @@ from sklearn_pgnn.diagnosis.size import (
     exceeds_rounding,
     leaves_something,
     overdispersion_along,
+    reads_noise_at_limits,
     says_more_than_bounds,
 )
 from sklearn_pgnn.estimation.budgets import MUCH
@@ -148,6 +149,7 @@ class Comparison:
             differs_from_none(problem, with_, cause, alpha)
             and leaves_something(problem, with_, cause, alpha)
             and says_more_than_bounds(self.fitter, with_, cause)
+            and reads_noise_at_limits(problem, with_, cause)
             for cause in causes
         )
 

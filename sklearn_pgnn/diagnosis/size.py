@@ -7,14 +7,14 @@ import numpy as np
 from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
-from sklearn_pgnn.estimation.budgets import FINENESS
+from sklearn_pgnn.estimation.budgets import FINENESS, MUCH
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.freedoms import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.effects import CATALOGUE, SensorSaturation
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
     curvatures,
@@ -153,6 +153,27 @@ def says_more_than_bounds(fitter: WindowFitter, trial: FittedHypothesis, cause: 
     ends = likelihood_intervals(fitter, trial, {f.name: errors[f.name] for f in free})
     bounds = {f.name: trial.fit.model.parameters[f.name].bounds for f in free}
     return any(ends[name] != bounds[name] for name in ends)
+
+
+def reads_noise_at_limits(
+    problem: EstimationProblem, trial: FittedHypothesis, cause: Effect
+) -> bool:
+    """Return whether a sensor reads nothing but noise where it is said to be at its limit.
+
+    Half of the errors there are at most `MUCH` times as large as half of the noise is. A limit
+    that readings pass stands for a law of the plant.
+    """
+    if not isinstance(cause, SensorSaturation):
+        return True
+    output = list(problem.prior.outputs).index(cause.target)
+    error = trial.fit.evaluation.residual[:, output] / problem.windows.scale[output]
+    shown = problem.windows.y[:, output] - trial.fit.evaluation.residual[:, output]
+    most = MUCH * norm.ppf(0.75)
+    for name in (cause.names()["upper"], cause.names()["lower"]):
+        there = np.abs(error[np.isclose(shown, trial.fit.model.parameters[name].value)])
+        if there.size and np.median(there) > most:
+            return False
+    return True
 
 
 def exceeds_rounding(

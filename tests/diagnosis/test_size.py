@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
-from sledge import SLEDGE, drive
+from sledge import NOISE, SLEDGE, drive
 
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis import size
@@ -20,6 +20,7 @@ from sklearn_pgnn.diagnosis.size import (
     likelihood_intervals,
     overdispersion_along,
     parameter_errors,
+    reads_noise_at_limits,
     says_more_than_bounds,
 )
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -271,3 +272,19 @@ def test_a_limit_of_a_sensor_that_moves_no_sample_by_half_a_step_is_rounding(
     assert exceeds_rounding(problem, without, with_, [at_sensor]) == exceeds
     with_ = trial(friction.apply(problem.prior), change)
     assert exceeds_rounding(problem, without, with_, [friction])
+
+
+@pytest.mark.parametrize("passes", [False, True])
+def test_a_sensor_never_reads_beyond_its_limit(passes):
+    """What holds readings back, but not at one value, is no limit."""
+    limit = effects.SensorSaturation("v")
+    X, y = drive(SLEDGE, noise=0.0)
+    top = np.quantile(y, 0.8)
+    y = y.where(y < top, top + 0.3 * (y - top) if passes else top)
+    y += np.random.default_rng(0).normal(0.0, NOISE, y.shape)
+    fitter = HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, X, y)))
+    base = fitter.base()
+    found = fitter.converge(fitter.first_fit(fitter.subsample(base), limit))
+    trial = fitter.fit_all(found, base)
+    assert reads_noise_at_limits(fitter.problem, trial, limit) is not passes
+    assert reads_noise_at_limits(fitter.problem, trial, LOAD)
