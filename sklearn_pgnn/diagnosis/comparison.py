@@ -140,8 +140,6 @@ class Comparison:
         less = self._overdispersion(without, with_)
         if not self.criterion.names(before, after, n_causes, less, retuned):
             return False
-        if not self._adds_up(without, with_):
-            return False
         alpha, problem = self.criterion.alpha, self.fitter.problem
         if causes and not exceeds_rounding(problem, without, with_, causes):
             return False
@@ -152,12 +150,6 @@ class Comparison:
             and reads_noise_at_limits(problem, with_, cause)
             for cause in causes
         )
-
-    def _adds_up(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
-        """Return whether causes add to the evidence over the re-tuned prior, too."""
-        base, less, more = map(self.fitter.held_out, (self.fitter.base(), without, with_))
-        before = self.criterion.evidence(base, less)
-        return np.isinf(before) or self.criterion.evidence(base, more) > before
 
     def names_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, needed: float

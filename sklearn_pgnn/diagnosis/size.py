@@ -14,7 +14,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import CATALOGUE, SensorSaturation
+from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
     curvatures,
@@ -163,15 +163,15 @@ def reads_noise_at_limits(
     Half of the errors there are at most `MUCH` times as large as half of the noise is. A limit
     that readings pass stands for a law of the plant.
     """
-    if not isinstance(cause, SensorSaturation):
+    outputs, own = list(problem.prior.outputs), cause.names()
+    if cause.target not in outputs:
         return True
-    output = list(problem.prior.outputs).index(cause.target)
-    error = trial.fit.evaluation.residual[:, output] / problem.windows.scale[output]
-    shown = problem.windows.y[:, output] - trial.fit.evaluation.residual[:, output]
-    most = MUCH * norm.ppf(0.75)
-    for name in (cause.names()["upper"], cause.names()["lower"]):
-        there = np.abs(error[np.isclose(shown, trial.fit.model.parameters[name].value)])
-        if there.size and np.median(there) > most:
+    at, fit = outputs.index(cause.target), trial.fit
+    error = fit.evaluation.residual[:, at]
+    shown, most = problem.windows.y[:, at] - error, MUCH * norm.ppf(0.75)
+    for name in (own[q.name] for q in cause.quantities() if q.metadata["role"] == "end"):
+        there = np.abs(error[np.isclose(shown, fit.model.parameters[name].value)])
+        if there.size and np.median(there) > most * problem.windows.scale[at]:
             return False
     return True
 
