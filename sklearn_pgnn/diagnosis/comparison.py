@@ -50,7 +50,7 @@ class Comparison:
         """Return how surely the second of two rivals is likelier; the same with opposite sign.
 
         Nothing is said where the one that windows prefer has the worse free run beyond chance, or
-        more states that are free at the start of every window, and no better free run.
+        states that do not pay, see `free_states_pay`.
         """
         pairs = (one, other), (other, one)
         less = max(self._overdispersion(*pair) for pair in pairs)
@@ -75,8 +75,8 @@ class Comparison:
         A more complex hypothesis must also pay for the number of candidates it was chosen from,
         explain at least the smallest share more, and fit better where both are fitted. No
         hypothesis refutes another one whose free run is better beyond chance; a hypothesis with
-        more added states is refuted if its free run is worse. With more states that are free at the
-        start of every window, it refutes only by a free run that is better beyond chance.
+        more added states is refuted if its free run is worse. States that are free at the start of
+        every window have to pay, see `free_states_pay`.
         """
         before, after = map(self.fitter.held_out, (worse, better))
         if before.n_added > after.n_added and self.criterion.runs_worse(after, before):

@@ -102,11 +102,18 @@ class StateEstimator:
     def _estimate(self, model) -> StateEstimate:
         x = self.values(model)
         spread = np.array([self._spread(state, x[:, i]) for i, state in enumerate(model.states)])
-        for state, other in _followers(model):  # how full a store behind another one is, is unknown
-            if list(model.states)[state] not in self.known:
-                spread[state] = max(spread[state], np.std(x[:, other]))
+        for state, other in self._followers(
+            model
+        ):  # how full a store behind another is, is unknown
+            spread[state] = max(spread[state], np.std(x[:, other]))
         x.flags.writeable = False
         return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
+
+    def _followers(self, model: PhysicsModel) -> list[tuple[int, int]]:
+        """Return the states that others settle and no output shows, with these, by their places."""
+        names, pairs = list(model.states), model.settled.items()
+        hidden = (pair for pair in pairs if pair[1] in names and pair[0] not in self.known)
+        return [(names.index(state), names.index(other)) for state, other in hidden]
 
     def _is_simulated(self, model) -> bool:
         """Return whether some state, or its sign, is not shown."""
@@ -191,13 +198,6 @@ def _on_scale(source: Source, behind) -> np.ndarray:
         return source.values
     value, slope = behind
     return source.values * slope if source.derivative else value
-
-
-def _followers(model: PhysicsModel) -> list[tuple[int, int]]:
-    """Return the states that others settle, with these, by their places."""
-    names = list(model.states)
-    settled = ((state, other) for state, other in model.settled.items() if other in names)
-    return [(names.index(state), names.index(other)) for state, other in settled]
 
 
 def hidden_states(model: PhysicsModel) -> tuple[str, ...]:
