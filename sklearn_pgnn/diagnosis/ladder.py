@@ -64,15 +64,18 @@ class Ladder:
         known = (c for c in allowed if np.isfinite(fitter.known_squares(ground, c)))
         return usable([fitter.first_fit(ground, c) for c in known])
 
+    def has_few_sets(self, most: int) -> bool:
+        """Return whether there are so few sets of up to so many candidates that all are fitted."""
+        count = len(self.candidates)
+        return sum(comb(count, n) for n in range(1, min(most, count) + 1)) <= SETS
+
     def few_sets(self, most: int) -> list[SubsampleFit]:
-        """Fit all sets of up to so many candidates, the small ones first; none where they are many.
+        """Fit all sets of up to so many candidates, the small ones first.
 
         A set begins with the best of those with one candidate less, and every one of its candidates
         begins anew beside the others.
         """
         counts = range(1, min(most, len(self.candidates)) + 1)
-        if sum(comb(len(self.candidates), n) for n in counts) > SETS:
-            return []
         sets = [frozenset(c) for n in counts for c in combinations(self.candidates, n)]
         self.progress.begin("all sets", len(sets))
         found = {frozenset[Effect](): self.fitter.subsample(self.fitter.base())}

@@ -243,14 +243,14 @@ class Search:
                 yield self.moves.add_pair
             if count:
                 yield self.moves.replace_by_pair
-        if self._is_worth_patience(current):
+        if self.ladder.has_few_sets(self.max_causes) and self._is_worth_patience(current):
             yield partial(self.moves.any_of_few_sets, most=self.max_causes)
 
     def _is_worth_patience(self, current: FittedHypothesis) -> bool:
         """Return whether what is left may depend on the records, so that costly moves are tried."""
         if self.compare.runs_away(current):
             return False
-        return self.has_structure(current) or self.compare.leaves_much(current)
+        return self.compare.leaves_much(current) or self.has_structure(current)  # cheap one first
 
     def _take_given(self) -> None:
         """Begin with the causes that the records show by themselves."""
