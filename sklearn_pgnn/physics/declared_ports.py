@@ -182,7 +182,7 @@ class _PortReader:
         """Return a port that is given as a `Port` or as names and values."""
         self.check_name(name, given)
         if isinstance(given, Port):
-            given = {**given.parts(), **{k: getattr(given, k) for k in ("rates", "outputs")}}
+            given = {key: getattr(given, key) for key in _KEYS if key != "effort"}
         self.check(name, given)
         flow = self.expression(name, "flow", given["flow"])
         if not flow.free_symbols & set(map(symbol, self.parts["states"])):
