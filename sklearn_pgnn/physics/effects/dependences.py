@@ -38,24 +38,31 @@ class ParameterDependence(Effect):
         parameter, signal = parts(target)
         return parameter in model.parameters and signal in {*model.states, *model.inputs}
 
-    def value(self, parameter, signal, p):
-        """Return the parameter's value at a value of the signal."""
+    @classmethod
+    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+        """Return by what the parameter is multiplied at a value of the signal."""
         raise NotImplementedError
+
+    @classmethod
+    def power(cls, target: str, model: PhysicsModel) -> int:
+        """Return the power of the signal on which the parameter depends first."""
+        return 1
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Replace the parameter by its value as a function of the signal."""
-        parameter, signal = map(symbol, parts(self.target))
-        return substitute(model, parameter, self.value(parameter, signal, p))
+        parameter = symbol(parts(self.target)[0])
+        return substitute(model, parameter, parameter * self.factor(self.target, model, p))
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
-        """Return one over the signal's unit."""
-        unit = model.unit(parts(self.target)[1])
-        return {"per_signal": f"1/({unit})" if unit else ""}
+        """Return one over the unit of the signal's power."""
+        unit, power = model.unit(parts(self.target)[1]), self.power(self.target, model)
+        return {"per_signal": f"1/({unit}){f'^{power}' * (power > 1)}" if unit else ""}
 
     @classmethod
     def typical(cls, target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
-        """Return one over the signal's largest magnitude."""
-        return {"per_signal": 1.0 / max(scales.peak[parts(target)[1]], 1e-300)}
+        """Return one over the power of the signal's largest magnitude."""
+        peak = max(scales.peak[parts(target)[1]], 1e-300)
+        return {"per_signal": 1.0 / peak ** cls.power(target, model)}
 
     @classmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
@@ -66,7 +73,7 @@ class ParameterDependence(Effect):
         """Return the parameter over the signal."""
         parameter, signal = map(symbol, parts(self.target))
         p = {key: symbol(name) for key, name in self.names().items()}
-        law = self.value(parameter, signal, p)
+        law = parameter * self.factor(self.target, model, p)
         return Characteristic("parameter", str(parameter), signal, law=law)
 
 
@@ -121,11 +128,10 @@ class ParameterSlope(ParameterDependence):
         """Return parameter and signal in words."""
         return "{} that changes with {}".format(*parts(target))
 
-    def value(
-        self, parameter: sympy.Expr, signal: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
-        """Return p*(1 + a*s)."""
-        return parameter * (1 + p["slope"] * signal)
+    @classmethod
+    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+        """Return 1 + a*s."""
+        return 1 + p["slope"] * symbol(parts(target)[1])
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
@@ -138,22 +144,23 @@ class ParameterSlope(ParameterDependence):
 
 @dataclass(frozen=True)
 class ParameterSaturation(ParameterDependence):
-    r"""A coefficient that depends on the magnitude of its signal, :math:`p/(1 + b |s|)`.
+    r"""A coefficient that depends on the magnitude of its signal, :math:`p/(1 + b |s|^n)`.
 
     Its term :math:`p\,s` levels off towards :math:`p/b`, as a motor's torque or an amplifier's
-    output does; with a negative :math:`b` it grows ever more steeply, as a propeller's thrust
-    over its voltage does. Candidates are the
-    coefficients that multiply a function of a single measured signal. Forces of a velocity or of a
-    position are not among them: they are friction, drag and springs. The inductance,
-    capacity or time constant by which the whole rate of a measured state is divided, with that
-    state and with the input of a plain lag, are.
+    output does (:math:`n = 1`); with a negative :math:`b` it grows ever more steeply, as a
+    propeller's thrust over its voltage does. Candidates are the coefficients that multiply a
+    function of a single measured signal. Forces of a velocity or of a position are not among them:
+    they are friction, drag and springs. The inductance, capacity or time constant by which the
+    whole rate of a measured state is divided, with that state and with the input of a plain lag,
+    are. What stores saturates smoothly with its state, :math:`n = 2`.
 
     Parameters
     ----------
     target : str
         Parameter and signal, as ``"K(u)"``.
     bend : float, default=0
-        Inverse :math:`b` of the magnitude at which the coefficient has halved [1/signal].
+        Inverse :math:`b` of the magnitude, or of its square, at which the coefficient has halved
+        [1/signal, or 1/signal^2].
 
     Examples
     --------
@@ -198,16 +205,21 @@ class ParameterSaturation(ParameterDependence):
         """Return parameter and signal in words."""
         return "{} that changes with the size of {}".format(*parts(target))
 
-    def value(
-        self, parameter: sympy.Expr, signal: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
-        """Return p/(1 + b*abs(s))."""
-        return parameter / (1 + p["bend"] * sympy.Abs(signal))
+    @classmethod
+    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+        """Return 1/(1 + b*abs(s)), or 1/(1 + b*s^2) of what stores."""
+        signal, power = symbol(parts(target)[1]), cls.power(target, model)
+        return 1 / (1 + p["bend"] * sympy.Abs(signal) ** power)
+
+    @classmethod
+    def power(cls, target: str, model: PhysicsModel) -> int:
+        """Return 2 of what divides the rate of a store with its state, else 1."""
+        return 2 if parts(target)[1] in model.states and parts(target) in _own_signals(model) else 1
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Bound the growth of the parameter to a factor of two."""
-        peak = scales.peak[parts(target)[1]] or 1.0
+        peak = (scales.peak[parts(target)[1]] or 1.0) ** cls.power(target, model)
         return {"bend": (-0.5 / peak, GROWN / peak)}
 
 

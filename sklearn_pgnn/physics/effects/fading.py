@@ -71,11 +71,10 @@ class InputFading(ParameterDependence):
         """Return input and speed in words."""
         return "gain of {} that falls with {}".format(*parts(target))
 
-    def value(
-        self, parameter: sympy.Expr, signal: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
-        """Return u*(1 - f*abs(v))."""
-        return parameter * (1 - p["fading"] * sympy.Abs(signal))
+    @classmethod
+    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+        """Return 1 - f*abs(v)."""
+        return 1 - p["fading"] * sympy.Abs(symbol(parts(target)[1]))
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
