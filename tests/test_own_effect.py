@@ -176,7 +176,7 @@ NAMED = {
     "estimation/same_in_equations.py": {"WrongParameter"},
     "diagnosis/moves.py": {"WrongParameter"},
     "diagnosis/unexplained.py": {"Formula"},  # what no cause explains
-    "diagnosis/known_terms.py": {"Formula", "WrongParameter"},  # which of its terms have a name
+    "diagnosis/description.py": {"Formula", "WrongParameter"},  # which of its terms have a name
     "diagnosis/investigation.py": {"SensorSaturation"},  # a record shows clipping by itself
     "datasets/two_tanks.py": {"InputDeadZone"},  # what a rig hides
     "cli/demo.py": {"StribeckFriction"},

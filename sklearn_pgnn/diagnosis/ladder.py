@@ -12,7 +12,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Subsampl
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.screening import Screening
-from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
+from sklearn_pgnn.estimation.squares_left import ShareLeft, share_left
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.led_states import n_free_states
 

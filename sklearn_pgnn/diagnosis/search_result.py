@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.share_left import ShareLeft
+from sklearn_pgnn.estimation.squares_left import ShareLeft
 from sklearn_pgnn.physics.effect import Effect
 
 

@@ -10,7 +10,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem, with_prior_spread
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_starts import fit_starts
-from sklearn_pgnn.simulation.record_start import CLEARLY
+from sklearn_pgnn.simulation.record_windows import CLEARLY
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 

@@ -1,12 +1,15 @@
 """Hypotheses whose fit failed: they are logged, and the search continues without them."""
 
 from collections.abc import Hashable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.estimation.hypothesis import Hypothesis
+from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.exceptions import SimulationError
+from sklearn_pgnn.simulation.window_fit import WindowFit
 
 #: numerical failures; any other error is a bug in the program
 BREAKDOWNS = (np.linalg.LinAlgError, FloatingPointError, SimulationError)
@@ -62,3 +65,37 @@ class FailureLog:
         """Return all that could not be fitted, in the order of the attempts."""
         lost = (one for key, one in self._lost.items() if key not in self._fitted)
         return tuple(dict.fromkeys(lost))
+
+
+def tolerate_failures(
+    failures: FailureLog, key: Key, hypothesis: Hypothesis, *what: str
+) -> AbstractContextManager:
+    """Continue after numerical failures, and record the unusable hypothesis."""
+    return failures.tolerate((key, *what), *_described(hypothesis))
+
+
+def note_fit(failures: FailureLog, key: Key, hypothesis: Hypothesis, fit: WindowFit) -> WindowFit:
+    """Record whether a hypothesis could be fitted, and return the fit."""
+    if fit.usable:
+        failures.fitted((key,))
+    else:
+        failures.lost((key,), *_described(hypothesis), reason=_why_lost(fit))
+    return fit
+
+
+def _described(hypothesis: Hypothesis) -> tuple[str, str, str]:
+    """Return the effect and target of the cause added last, and the other causes."""
+    if not hypothesis.causes:
+        return "", "", ""
+    *others, last = hypothesis.causes
+    names = " and ".join(f"{each.id} of {each.target}" for each in others)
+    return last.id, last.target, f" with {names}" if names else ""
+
+
+def _why_lost(fit: WindowFit) -> str:
+    """Return the reason why a fit cannot be used, unless an error was recorded."""
+    lost = np.count_nonzero(~np.isfinite(fit.evaluation.squares))
+    return (
+        f"its simulation diverges or is dominated by rounding errors in {lost} of {len(fit.x0)} "
+        f"windows"
+    )

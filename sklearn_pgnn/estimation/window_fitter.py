@@ -14,7 +14,7 @@ from sklearn_pgnn.estimation.budgets import (
     TOLERANCE,
 )
 from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
-from sklearn_pgnn.estimation.disturbed_evidence import DisturbedEvidence, Judged
+from sklearn_pgnn.estimation.disturbed import DisturbedEvidence, Judged
 from sklearn_pgnn.estimation.fitted_hypothesis import (
     FittedHypothesis,
     Start,
@@ -24,13 +24,12 @@ from sklearn_pgnn.estimation.fitted_hypothesis import (
 from sklearn_pgnn.estimation.fold_fits import FoldFits
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
-from sklearn_pgnn.estimation.hypothesis_failures import note_fit, tolerate_failures
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
 from sklearn_pgnn.estimation.poor_windows import refit_poor_windows
 from sklearn_pgnn.estimation.problem import EstimationProblem, in_usual_windows
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.squares_left import squares_by_output, white_squares
-from sklearn_pgnn.estimation.unusable import FailureLog, Unusable
+from sklearn_pgnn.estimation.unusable import FailureLog, Unusable, note_fit, tolerate_failures
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit

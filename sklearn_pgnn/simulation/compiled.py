@@ -19,9 +19,8 @@ from numba.extending import intrinsic
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
-from sklearn_pgnn.simulation.code_memory import CodeMemory
 from sklearn_pgnn.simulation.lanes import data_of
-from sklearn_pgnn.simulation.machine_code import SIGNATURE, machine_code
+from sklearn_pgnn.simulation.machine_code import SIGNATURE, CodeMemory, machine_code
 from sklearn_pgnn.simulation.model_function import emit_model_function
 from sklearn_pgnn.simulation.source import Source, write_source
 

@@ -19,7 +19,7 @@ References
 import numpy as np
 from numba import njit
 
-from sklearn_pgnn.simulation.cache_folder import numba_caches
+from sklearn_pgnn.simulation.disk_cache import numba_caches
 
 OPTIONS = {"cache": numba_caches(), "error_model": "numpy", "nogil": True}
 #: for functions that allocate nothing, called by compiled ones only: counting references takes

@@ -33,7 +33,7 @@ import numpy as np
 from numba import carray, types
 
 from sklearn_pgnn.priors.rigid_tree import TreeDynamics, TreeSlopes
-from sklearn_pgnn.simulation.cache_folder import numba_caches
+from sklearn_pgnn.simulation.disk_cache import numba_caches
 
 _NUMBERS = types.CPointer(types.float64)
 _jit = numba.njit(cache=numba_caches(), error_model="numpy")

@@ -9,7 +9,7 @@ import sympy
 from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.exceptions import ModelError, UnitWarning
 from sklearn_pgnn.physics.expressions import TIME, symbol
-from sklearn_pgnn.physics.mobility import inverse_masses
+from sklearn_pgnn.physics.found_ports import inverse_masses
 
 #: a two-link arm: masses at the ends of the links, angles relative to the link before
 LET = {

@@ -7,8 +7,7 @@ import pytest
 
 from sklearn_pgnn import effects
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
-from sklearn_pgnn.estimation.hypothesis_failures import note_fit, tolerate_failures
-from sklearn_pgnn.estimation.unusable import FailureLog
+from sklearn_pgnn.estimation.unusable import FailureLog, note_fit, tolerate_failures
 
 pytestmark = pytest.mark.core
 

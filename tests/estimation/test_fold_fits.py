@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sklearn_pgnn.estimation.taught_precision import keep_taught
+from sklearn_pgnn.estimation.fold_fits import keep_taught
 
 
 def told(rng, n, rank):

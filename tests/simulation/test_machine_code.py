@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import PhysicsModel
-from sklearn_pgnn.simulation import code_memory, compiled, machine_code
-from sklearn_pgnn.simulation.code_memory import CodeMemory
+from sklearn_pgnn.simulation import compiled, machine_code
+from sklearn_pgnn.simulation.machine_code import CodeMemory
 
 pytestmark = [
     pytest.mark.core,
@@ -33,7 +33,7 @@ def few(monkeypatch):
     """Keep two functions in case they are used again, each in a memory of its own."""
     again = lru_cache(maxsize=2)(compiled._compile.__wrapped__)
     monkeypatch.setattr(compiled, "_compile", again)
-    monkeypatch.setattr(code_memory, "FULL", 1)
+    monkeypatch.setattr(machine_code, "FULL", 1)
     monkeypatch.setattr(machine_code._Begun, "memory", None)
 
 
@@ -76,7 +76,7 @@ def test_a_copy_of_a_function_is_in_the_same_memory(few):
 
 def test_functions_share_a_memory_until_it_is_full(monkeypatch):
     monkeypatch.setattr(machine_code._Begun, "memory", None)
-    monkeypatch.setattr(code_memory, "FULL", 3)
+    monkeypatch.setattr(machine_code, "FULL", 3)
     functions = [compiled.compile_model(decay(70.0 + i))[0] for i in range(7)]
     counts = [sum(each.memory is other.memory for other in functions) for each in functions]
     assert counts == [3, 3, 3, 3, 3, 3, 1]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sklearn_pgnn.estimation.share_left import share_left
+from sklearn_pgnn.estimation.squares_left import share_left
 
 squares = st.lists(st.floats(0.1, 100.0), min_size=6, max_size=6).map(np.array)
 
