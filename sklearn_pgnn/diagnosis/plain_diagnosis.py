@@ -43,6 +43,7 @@ def _plain_cause(cause: NamedCause) -> dict:
         "probability": cause.probability,
         "outside_catalogue": cause.outside,
         "tested": cause.tested,
+        "onset": None if cause.onset is None else plain(cause.onset),
         "confused_with": [
             {**plain(other), "equivalent": other[:2] in cause.equivalent}
             for other in cause.confused_with

@@ -11,7 +11,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
-from sklearn_pgnn.diagnosis.size import likelihood_intervals
+from sklearn_pgnn.diagnosis.size import likelihood_intervals, onset_interval
 from sklearn_pgnn.estimation.budgets import DRAWS
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -19,7 +19,10 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.squares_left import block_squares
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.differences import onset_of
 from sklearn_pgnn.physics.effects.rates import worded_for
+from sklearn_pgnn.physics.effects.targets import parts
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -104,6 +107,8 @@ class NamedCause:
         Probability that it is none of the catalogue; with those of the cause and of its rivals it
         sums to 1. Much that is left beside it, or a law without a name that explains as much,
         raises it.
+    onset : Estimate or None
+        The time in the record from which on it acts, where it begins within a record [s].
 
     Examples
     --------
@@ -124,6 +129,7 @@ class NamedCause:
     probability: float = 1.0
     tested: bool = True
     outside: float = 0.0
+    onset: Estimate | None = None
 
     @property
     def is_open(self) -> bool:
@@ -228,18 +234,32 @@ def _named(search: Search, result: SearchResult, steps, errors) -> NamedCause:
     mine, *theirs, outside = _probabilities(search, result, cause, steps)
     summary, check = worded_for(fitter.problem.prior, cause)
     others = zip(result.rivals[cause], theirs, strict=True)
+    onset = _onset(fitter, result.final, cause)
+    said = cause.summarise(result.final.fit.model) or summary
+    if onset is not None:
+        said = f"{said.removesuffix('.')} (onset between {onset.low:.5g} and {onset.high:.5g} s)."
     return NamedCause(
         effect=cause.id,
         target=cause.target,
         parameters=_estimates(fitter, result.final, cause, errors),
         gain=_gain_percent(*map(fitter.held_out, steps)),
         confused_with=tuple(Rival(other.id, other.target, p) for (other, _), p in others),
-        summary=cause.summarise(result.final.fit.model) or summary,
+        summary=said,
         check=check,
         probability=mine,
         tested=result.complete,
         outside=outside,
+        onset=onset,
     )
+
+
+def _onset(fitter: HypothesisFitter, trial: FittedHypothesis, cause: Effect) -> Estimate | None:
+    """Return the time from which on a cause acts, if that is within a record."""
+    since = onset_of(cause)
+    if since is None or not trial.fit.usable:
+        return None
+    low, high = onset_interval(fitter, trial, parts(cause.target)[1])
+    return Estimate(since, low, high, "s")
 
 
 def _probabilities(search: Search, result: SearchResult, cause, steps) -> list[float]:

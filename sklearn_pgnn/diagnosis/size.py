@@ -1,7 +1,8 @@
 """How accurately records determine the sizes of causes."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -78,6 +79,61 @@ def _likelihood_interval(
         is_open = side * (limit - value) <= reach
         ends.append(bound if is_open else float(value + side * reach))
     return min(ends), max(ends)
+
+
+def onset_interval(
+    fitter: WindowFitter, trial: FittedHypothesis, column: str
+) -> tuple[float, float]:
+    r"""Return the 95 % interval of the time [s] from which on a column is one.
+
+    It holds the onsets :math:`\tau` with which the objective, fitted again, is
+
+    .. math:: S(\tau) \le S(\hat\tau) + c\,s, \qquad (1 - e^{-c/2})^2 = 0.95,
+
+    with the dispersion :math:`s` of the residuals: the objective has a corner at an onset, so that
+    its rise has another distribution than that of a parameter [1]_. Between two samples an onset
+    may lie anywhere.
+
+    References
+    ----------
+    .. [1] B. E. Hansen, "Sample splitting and threshold estimation", Econometrica 68(3), 2000,
+       :doi:`10.1111/1468-0262.00124`.
+    """
+    problem, windows = fitter.problem, fitter.problem.windows
+    place, record = (
+        list(problem.prior.inputs).index(column),
+        windows.record_at(range(len(windows.t))),
+    )
+    marked = windows.u[:, place] > 0.0
+    is_in = np.isin(record, record[marked])
+    times = np.unique(windows.t[is_in])
+    dispersion = max(trial.fit.objective / problem.n_samples, 1.0)
+    most = trial.fit.objective - 2.0 * math.log(1.0 - math.sqrt(0.95)) * dispersion
+
+    def is_possible(k: int) -> bool:
+        u = windows.u.copy()
+        u[:, place] = is_in & (windows.t >= times[k])
+        return fitter.objective_on(replace(windows, u=u), trial) <= most
+
+    here = int(np.searchsorted(times, windows.t[marked].min()))
+    low, high = (_last(is_possible, here, end) for end in (0, len(times) - 1))
+    return float(times[max(low - 1, 0)]), float(times[high])
+
+
+def _last(is_possible: Callable[[int], bool], here: int, end: int) -> int:
+    """Return the last possible place on the way from one that is towards an end."""
+    near, reach, side = here, 1, 1 if end > here else -1
+    while near != end:
+        far = here + side * min(reach, abs(end - here))
+        if not is_possible(far):
+            break
+        near, reach = far, 2 * reach
+    else:
+        return end
+    while abs(far - near) > 1:
+        middle = (near + far) // 2
+        near, far = (middle, far) if is_possible(middle) else (near, middle)
+    return near
 
 
 def differs_from_none(

@@ -200,6 +200,15 @@ class WindowFitter:
         )
         return held.objective + ((value - own.centre) / own.spread) ** 2 - fit.objective
 
+    def objective_on(self, windows: ShootingWindows, trial: FittedHypothesis) -> float:
+        """Return the objective of a hypothesis, fitted again, on windows with other inputs."""
+        fit, tolerate = trial.fit, self._tolerate(trial.hypothesis, AWAY)
+        start = self._start(fit.model)
+        again = self.fit_model(
+            tolerate, fit.model, windows, fit.freedoms, start, fit.x0, max_steps=STEPS
+        )
+        return again.objective
+
     def _keep(self, trial: FittedHypothesis) -> None:
         """Store a trial unless a better one of the same hypothesis is known."""
         key = self.key(trial.hypothesis)

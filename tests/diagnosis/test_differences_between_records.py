@@ -108,9 +108,13 @@ def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
     ((name, value),) = change.items()
     what, column = target.rstrip(")").split("(")
     assert (effect, what) == ("parameter_difference", name)
-    onset = float(column.split("__since_")[1].replace("p", "."))
-    assert onset == pytest.approx(since, abs=0.03 * 8.0)
-    assert diagnosis.causes_[0].summary.endswith(f"in run_1 since {onset:g} s.")
+    onset = diagnosis.causes_[0].onset
+    assert column.endswith(f"__since_{onset.value:g}".replace(".", "p"))
+    assert onset.value == pytest.approx(since, abs=0.03 * 8.0)
+    assert onset.low <= since <= onset.high < onset.low + 0.1 * 8.0
+    assert diagnosis.to_dict()["causes"][0]["onset"]["high"] == onset.high
+    ends = f"(onset between {onset.low:.5g} and {onset.high:.5g} s)."
+    assert diagnosis.causes_[0].summary.endswith(f"in run_1 since {onset.value:g} s {ends}")
     usual = {"d": 1.6, "k": 50.0}[name]
     estimate = diagnosis.causes_[0].parameters["difference"]
     assert estimate.value == pytest.approx(value - usual, rel=0.05)

@@ -44,6 +44,12 @@ def where_of(column: str) -> str:
     return since if since and records == "all" else f"{where} {since}".rstrip()
 
 
+def onset_of(effect: Effect) -> float | None:
+    """Return the time in a record from which on an effect acts [s], if it begins within one."""
+    onset = parts(effect.target)[1].partition(SINCE)[2]
+    return float(onset.replace("p", ".")) if onset else None
+
+
 @dataclass(frozen=True)
 class Difference(Effect):
     """A quantity that is another where a column, an input, is one: in some records, or later on.
