@@ -7,6 +7,7 @@ from sklearn_pgnn.diagnosis.size import (
     differs_from_none,
     exceeds_rounding,
     leaves_something,
+    only_begins,
     overdispersion_along,
     reads_noise_at_limits,
     says_more_than_bounds,
@@ -148,6 +149,7 @@ class Comparison:
             and leaves_something(problem, with_, cause, alpha)
             and says_more_than_bounds(self.fitter, with_, cause)
             and reads_noise_at_limits(problem, with_, cause)
+            and not only_begins(problem, with_, cause)
             for cause in causes
         )
 
@@ -223,8 +225,11 @@ class Comparison:
         """Return whether states that are free at the start of every window explain more than noise.
 
         A free value takes one square of the noise. What the second hypothesis explains with more of
-        them has to be more than chance, and its free run better.
+        them has to be more than chance, and its free run better; states that do nothing but begin
+        never pay.
         """
+        if self.only_begins(without, with_):
+            return False
         before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
         values = (after.n_free - before.n_free) * len(self.fitter.problem.windows)
         if values <= 0 or not np.isfinite(before.windows.squares).all():
@@ -234,6 +239,11 @@ class Comparison:
         noise = np.maximum(after.windows.squares / np.maximum(after.windows.counts, 1.0), 1.0)
         gained = (before.windows.squares - after.windows.squares) / noise
         return bool(gained.sum() > chi2.ppf(1.0 - self.criterion.alpha, values))
+
+    def only_begins(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
+        """Return whether the states of a cause that only the second has do nothing but begin."""
+        causes = own_causes(without, with_)
+        return any(only_begins(self.fitter.problem, with_, cause) for cause in causes)
 
     def runs_surely_worse(self, than: FittedHypothesis, trial: FittedHypothesis) -> bool:
         """Return whether a free run is worse by more than chance and what its fit's errors add."""

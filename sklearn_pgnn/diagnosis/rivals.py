@@ -22,7 +22,8 @@ def not_refuted(
 
     A candidate with more parameters is no rival: the simpler of two is preferred. Nor is one that
     the free run contradicts, being worse than that of the re-tuned prior, or surely worse than that
-    of the cause; nor what says the same of the sign of a term.
+    of the cause, nor one whose states do nothing but begin; nor what says the same of the sign of a
+    term.
     """
     found = []
     for trial in ladder.in_place(final, cause):
@@ -30,6 +31,8 @@ def not_refuted(
         if _says_the_same(ladder.fitter.problem.prior, cause, other):
             continue
         simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
+        if compare.only_begins(final, trial):
+            continue
         stands = compare.stands_in_free_run(trial) and not compare.runs_surely_worse(final, trial)
         if simple and stands and not compare.refutes(final, trial):
             found.append((trial, compare.separation(trial, final)))

@@ -194,6 +194,20 @@ def leaves_something(
     return all(value[each.name] - each.low > needed * error[each.name] for each in free)
 
 
+def only_begins(problem: EstimationProblem, trial: FittedHypothesis, cause: Effect) -> bool:
+    """Return whether the states of a cause do nothing but begin.
+
+    The fit wants a longer time constant than any that is considered, a window or more: what the
+    state holds stays as it begins in every window, and may stand for any slow force.
+    """
+    model, own = trial.fit.model, cause.names()
+    times = {own[q.name] for q in cause.quantities() if q.metadata["unit"] == "s"}
+    times -= set(model.delays.values())
+    ends = {each.name: each.high for each in trial.fit.freedoms if each.name in times}
+    longest = problem.scales.window
+    return any(model.parameters[n].value >= end >= longest for n, end in ends.items())
+
+
 def says_more_than_bounds(fitter: WindowFitter, trial: FittedHypothesis, cause: Effect) -> bool:
     """Return whether the records say more of a cause than the bounds of its parameters do.
 

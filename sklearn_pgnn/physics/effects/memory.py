@@ -31,7 +31,8 @@ class HystereticSpring(PositionEffect):
 
     The stiffness :math:`dz/dx` is :math:`k - (\gamma + \delta)|z|` as the force grows, and
     :math:`k + (\gamma - \delta)|z|` as it falls. With :math:`\gamma + \delta > 0` the force levels
-    off, as that of a `Hysteresis` does; below zero the spring hardens.
+    off; below zero the spring hardens. With :math:`\delta > 0` it is the law of a `Hysteresis`, which
+    a diagnosis names in its place.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ class HystereticSpring(PositionEffect):
         """Start with weak and strong springs that level off, or do not."""
         travel = scales.typical[model.port(target).position]
         stiffness = force_scale(target, model, scales) / travel
-        parts = itertools.product((0.1, 0.5), ((0.25, -0.25), (0.5, 0.0)))
+        parts = itertools.product((0.1, 0.5), ((0.25, -0.25), (0.5, -0.1)))
         return tuple(
             cls(target, share * stiffness, loss / travel, bend / travel)
             for share, (loss, bend) in parts
@@ -106,12 +107,12 @@ class HystereticSpring(PositionEffect):
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Keep a loop, and bound the growth of the force over the travel.
+        """Keep a loop that no `Hysteresis` has, and bound the force's growth over the travel.
 
         Without a loop this is a linear spring, with a new load in every window.
         """
         travel = scales.peak[model.port(target).position]
         return {
             "loss": (LEAST_LOOP / travel, MOST_BENT / travel),
-            "bend": (-MOST_BENT / travel, MOST_BENT / travel),
+            "bend": (-MOST_BENT / travel, 0.0),
         }
