@@ -3,20 +3,21 @@
 import click
 
 from sklearn_pgnn import __version__
-from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, init, simulate
-from sklearn_pgnn.cli.completion import FILE, PROGRAM, SHELLS, completion_script
+from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, fleet, init, simulate
 from sklearn_pgnn.cli.ending import run_to_the_end, take_any_text
 from sklearn_pgnn.cli.export import export
-from sklearn_pgnn.cli.fleet import fleet
-from sklearn_pgnn.cli.guard import guarded
+from sklearn_pgnn.cli.guard import guarded, show_progress
 from sklearn_pgnn.cli.options import (
+    FILE,
+    PROGRAM,
+    SHELLS,
+    completion_script,
     diagnosis_options,
     job_options,
     list_effects,
     records_arguments,
     result_options,
 )
-from sklearn_pgnn.cli.progress import show_progress
 
 EXAMPLE = """\b
 Example:

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import click
 import pandas as pd
 
-from sklearn_pgnn.cli.records import open_model
+from sklearn_pgnn.cli.inputs import open_model
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.numbers import fit_text, number
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable

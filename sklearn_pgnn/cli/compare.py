@@ -8,7 +8,7 @@ from sklearn_pgnn.cli.output import write_file
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
 from sklearn_pgnn.inspection.comparison_report import render_comparison
 from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 
 
 def write_comparison(found: DiagnosisComparison, output: str, *, force: bool, opens: bool) -> None:

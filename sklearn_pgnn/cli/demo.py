@@ -6,9 +6,8 @@ from pathlib import Path
 import click
 
 from sklearn_pgnn.cli.diagnose import NAMES, Job
-from sklearn_pgnn.cli.guard import one_line, writing
+from sklearn_pgnn.cli.guard import one_line, show_progress, writing
 from sklearn_pgnn.cli.output import check_free
-from sklearn_pgnn.cli.progress import show_progress
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.physics.effects import StribeckFriction
 from sklearn_pgnn.physics.systems import golf_robot

@@ -4,20 +4,25 @@ from collections.abc import Callable
 
 import click
 
-from sklearn_pgnn.cli.choices import check_candidates, choose_effects, choose_targets, read_noise
-from sklearn_pgnn.cli.records import read_model_and_records
+from sklearn_pgnn.cli.inputs import (
+    check_candidates,
+    choose_effects,
+    choose_targets,
+    read_model_and_records,
+    read_noise,
+)
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.least_size import least_size
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.numbers import least_size
+from sklearn_pgnn.inspection.result_files import as_strict_json
 
 
 class DetectJob:
     """The detectability of effects in files of records.
 
     `power` is the probability with which an effect should be named; for the words of `noise`,
-    `catalogue`, `exclude` and `targets` see `sklearn_pgnn.cli.choices`. The sample time [s] is that
+    `catalogue`, `exclude` and `targets` see `sklearn_pgnn.cli.inputs`. The sample time [s] is that
     of files without a time; `options` are those of `ModelDiagnosis`.
     """
 

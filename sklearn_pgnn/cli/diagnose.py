@@ -1,5 +1,6 @@
 """The job of ``sklearn-pgnn diagnose``: read, diagnose, write, print."""
 
+import shlex
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,15 +11,17 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 import click
+from click.core import ParameterSource
 
-from sklearn_pgnn.cli.choices import (
+from sklearn_pgnn.cli.guard import Bug, one_line
+from sklearn_pgnn.cli.inputs import (
     check_candidates,
     choose_effects,
     choose_targets,
+    read_model,
     read_noise,
+    told_warnings,
 )
-from sklearn_pgnn.cli.command_line import command_line
-from sklearn_pgnn.cli.guard import Bug, one_line
 from sklearn_pgnn.cli.output import (
     check_free,
     remove_files,
@@ -26,16 +29,39 @@ from sklearn_pgnn.cli.output import (
     strict_json,
     write_files,
 )
-from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import DiagnosisWarning, ModelError, ModelWarning, RecordWarning
 from sklearn_pgnn.export import to_mjcf, to_urdf
 from sklearn_pgnn.inspection.case import model_with_all
-from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
+from sklearn_pgnn.inspection.result_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.priors.robot_section import described_in
 from sklearn_pgnn.trajectories.files import read_files
+
+
+def command_line() -> str:
+    """Return the running command with its arguments; empty outside a command."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return ""
+    words = context.command_path.split()
+    for parameter in context.command.params:
+        name = parameter.name
+        if name and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            words += _words(parameter, context.params[name])
+    return shlex.join(words)
+
+
+def _words(parameter: click.Parameter, value) -> list[str]:
+    values = list(value) if isinstance(value, tuple) else [value]
+    if isinstance(parameter, click.Argument):
+        return [str(each) for each in values]
+    option = parameter.opts[-1]
+    if getattr(parameter, "is_flag", False):
+        return [option] if value else []
+    return [word for each in values for word in (option, str(each))]
+
 
 #: how a copy of a robot's file is written, by its ending, and the copy's name without it
 ROBOTS = {".urdf": to_urdf, ".xml": to_mjcf, ".mjcf": to_mjcf}
@@ -61,7 +87,7 @@ class Job:
 
     With `quiet` the verdict only is printed, with `as_json` ``diagnosis.json`` in place of words.
     The options are ``sample_time`` as in `read_files`; words for ``noise``, ``catalogue``,
-    ``exclude`` and ``targets``, see `sklearn_pgnn.cli.choices`; all others as in `ModelDiagnosis`.
+    ``exclude`` and ``targets``, see `sklearn_pgnn.cli.inputs`; all others as in `ModelDiagnosis`.
     """
 
     model: str | PathLike

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import click
 
-from sklearn_pgnn.cli.completion import FILE
-from sklearn_pgnn.cli.guard import guarded, one_line, writing
-from sklearn_pgnn.cli.options import force_option, quiet_options
-from sklearn_pgnn.cli.progress import show_progress
+from sklearn_pgnn.cli.guard import guarded, one_line, show_progress, writing
+from sklearn_pgnn.cli.options import FILE, force_option, quiet_options
 from sklearn_pgnn.whole_file import WorkingFolder
 
 #: the targets, and the options of each besides the name
@@ -77,8 +75,8 @@ def export(model, target, output, name, force, quiet, debug, **options):
     with guarded(debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
+            from sklearn_pgnn.cli.inputs import read_model
             from sklearn_pgnn.cli.output import refuse_existing
-            from sklearn_pgnn.cli.records import read_model
 
             given = check_options(target, options)
             refuse_existing(output, force=force)
@@ -137,7 +135,7 @@ def _flag(name: str) -> str:
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file completely or not at all."""
-    from sklearn_pgnn.cli.signals import held
+    from sklearn_pgnn.cli.ending import held
 
     with held(), writing(path):
         folder = WorkingFolder(path.absolute().parent)

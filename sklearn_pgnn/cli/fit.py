@@ -3,17 +3,15 @@
 import click
 import numpy as np
 
-from sklearn_pgnn.cli.choices import read_noise, split
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.cli.records import read_model_and_records
+from sklearn_pgnn.cli.inputs import read_model_and_records, read_noise, split
 from sklearn_pgnn.cli.tables import cell, change, heading, print_table, say, screen, table
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.numbers import fit_text, measured, number
-from sklearn_pgnn.inspection.start_runs import run_records
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
+from sklearn_pgnn.inspection.runs import fit_percentage, run_records
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.robot_section import described_in, robot_text
 from sklearn_pgnn.trajectories import read_records

@@ -4,26 +4,46 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
+from joblib import parallel_config
 
-from sklearn_pgnn.cli.choices import check_candidates, choose_effects, choose_targets, read_noise
-from sklearn_pgnn.cli.cluster import on_cluster
 from sklearn_pgnn.cli.guard import one_line, writing
-from sklearn_pgnn.cli.records import read_model
+from sklearn_pgnn.cli.inputs import (
+    check_candidates,
+    choose_effects,
+    choose_targets,
+    read_model,
+    read_noise,
+)
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError, RecordError
+from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.fleet import FleetDiagnosis
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT
 from sklearn_pgnn.fleet.machine import SAID
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.trajectories.ros_bag import METADATA
+
+
+@contextmanager
+def on_cluster(address: str | None) -> Iterator[None]:
+    """Let joblib spread its work over a cluster of Dask."""
+    if address is None:
+        yield
+        return
+    with needed_by("--cluster"):
+        from distributed import Client
+    with Client(address), parallel_config("dask"):
+        yield
+
 
 MACHINE = "{machine}"
 #: machines and changes shown on the screen; the report has all

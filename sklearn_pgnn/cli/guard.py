@@ -1,14 +1,17 @@
-"""Errors in one line: input that cannot be used (exit 2), or a bug of the package (exit 1 or 3)."""
+"""How a command runs: its progress, and errors in one line: unusable input, or a bug."""
 
 import errno
 import traceback
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import click
+from rich.console import Console
 
-from sklearn_pgnn.cli.signals import stoppable
+from sklearn_pgnn.cli.ending import check, stoppable
 from sklearn_pgnn.exceptions import UNUSABLE
 from sklearn_pgnn.extras import EXTRA_OF
+from sklearn_pgnn.progress_display import Show, shown_progress
 
 #: characters of a file's name that an error shows, and of a line of text
 SHOWN, LONGEST = 200, 2000
@@ -103,3 +106,21 @@ def _shortened(path: object) -> str:
 def _lacks(error: Exception) -> bool:
     """Whether an optional library is not installed."""
     return isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
+
+
+@contextmanager
+def show_progress(quiet: bool) -> Iterator[Show]:
+    """Show the progress on stderr, unless quiet; every step checks for signals."""
+    if quiet:
+        yield lambda *_: check()
+    else:
+        with shown_progress(Console(stderr=True)) as show:
+            yield _checked(show)
+
+
+def _checked(show: Show) -> Show:
+    def progress(*step) -> None:
+        check()
+        show(*step)
+
+    return progress

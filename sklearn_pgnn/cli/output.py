@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.cli.ending import held
 from sklearn_pgnn.cli.guard import writing
-from sklearn_pgnn.cli.signals import held
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.whole_file import WorkingFolder, remove_leftovers, write_whole
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.inputs import read_model
 from sklearn_pgnn.cli.output import refuse_existing, write_file
-from sklearn_pgnn.cli.records import read_model
 from sklearn_pgnn.cli.template import COMMENTS, columns_in, say_what_is_next
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.robot_section import is_robot, options_of, robot_text

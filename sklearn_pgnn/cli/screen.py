@@ -18,10 +18,10 @@ from sklearn_pgnn.cli.tables import (
 )
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.model_files import described_models
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
-from sklearn_pgnn.inspection.parameter_ends import spread_sentence
-from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.remedies import spread_sentence
+from sklearn_pgnn.inspection.report.parameters import parameter_facts
+from sklearn_pgnn.inspection.result_files import described_models
 from sklearn_pgnn.inspection.words import (
     remaining_sentence,
     rivals_or_none,

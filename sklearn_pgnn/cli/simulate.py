@@ -4,11 +4,10 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.cli.records import read_inputs, read_model
+from sklearn_pgnn.cli.inputs import read_inputs, read_model
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table
-from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.numbers import fit_text
-from sklearn_pgnn.inspection.start_runs import run_records
+from sklearn_pgnn.inspection.runs import fit_percentage, run_records
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.trajectories import read_records

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import click
 
 from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.options import make_system
 from sklearn_pgnn.cli.output import write_file
-from sklearn_pgnn.cli.systems import make_system
 from sklearn_pgnn.physics.channel_kinds import COMMANDED, usual_kind
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel

@@ -15,14 +15,12 @@ from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet import frames
 from sklearn_pgnn.fleet.changes import Change, changes_between
-from sklearn_pgnn.fleet.common_causes import common_causes
 from sklearn_pgnn.fleet.content_key import content_key, files_key, records_key, setting_key
-from sklearn_pgnn.fleet.machine import Machine
-from sklearn_pgnn.fleet.one_machine import Job, Outcome
+from sklearn_pgnn.fleet.machine import Machine, common_causes
+from sklearn_pgnn.fleet.one_machine import Job, Outcome, Store
 from sklearn_pgnn.fleet.report import render_fleet
 from sklearn_pgnn.fleet.spread import ParameterSpread, spread_of
-from sklearn_pgnn.fleet.store import Store
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.validation import check_model
 from sklearn_pgnn.whole_file import write_whole

@@ -11,8 +11,8 @@ from markupsafe import Markup
 
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.fleet.machine import FAILED, SAID, Machine
+from sklearn_pgnn.fleet.one_machine import PAGE, Store
 from sklearn_pgnn.fleet.spread import ParameterSpread
-from sklearn_pgnn.fleet.store import PAGE, Store
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import (
     chance,

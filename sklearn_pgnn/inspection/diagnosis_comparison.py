@@ -14,11 +14,10 @@ from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number, readable, times
+from sklearn_pgnn.inspection.result_files import FILE
 from sklearn_pgnn.inspection.yardstick import models_called
 from sklearn_pgnn.record_quality.wording import listed
 
-#: the file of a diagnosis, in the folder that the command line writes
-FILE = "diagnosis.json"
 #: by suffix, other files that may be given by mistake
 OTHER_FILES = {
     ".yaml": "a model file",

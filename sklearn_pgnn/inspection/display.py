@@ -12,8 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.inspection.case import model_with_all
-from sklearn_pgnn.inspection.curves import Evidence
-from sklearn_pgnn.inspection.evidence import find_evidence
+from sklearn_pgnn.inspection.evidence import Evidence, find_evidence
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, plain, shown_figure, tidy
 from sklearn_pgnn.simulation.simulate import simulate_records

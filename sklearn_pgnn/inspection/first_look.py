@@ -5,9 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.numbers import number
-from sklearn_pgnn.inspection.start_runs import run_from_starts
+from sklearn_pgnn.inspection.runs import fit_percentage, run_from_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wiring import find_wiring
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records

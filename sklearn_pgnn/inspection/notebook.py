@@ -9,10 +9,10 @@ from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.least_size import least_size
 from sklearn_pgnn.inspection.numbers import (
     chance,
     free_run_error,
+    least_size,
     measured,
     number,
     share,

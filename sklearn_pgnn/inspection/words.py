@@ -7,9 +7,8 @@ from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
-from sklearn_pgnn.inspection.named_terms import known_sentence
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
-from sklearn_pgnn.inspection.runaway import runaway_sentence
+from sklearn_pgnn.inspection.remedies import known_sentence, runaway_sentence
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     is_adequate_as_given,

@@ -17,8 +17,8 @@ from test_cli import FILES, table, write
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.cli import main
+from sklearn_pgnn.cli.ending import check, held, stoppable
 from sklearn_pgnn.cli.output import result_folder
-from sklearn_pgnn.cli.signals import check, held, stoppable
 from sklearn_pgnn.exceptions import DiagnosisWarning, RecordError, SimulationError
 from sklearn_pgnn.progress_display import EVERY, Lines, _bars, _Live
 from sklearn_pgnn.trajectories.files import read_files
@@ -296,7 +296,7 @@ def test_results_are_whole_though_a_signal_comes_while_they_are_put_in_place(tmp
 def test_the_first_word_comes_before_the_libraries():
     code = (
         "import sys\n"
-        "from sklearn_pgnn.cli.progress import show_progress\n"
+        "from sklearn_pgnn.cli.guard import show_progress\n"
         "with show_progress(False) as progress: progress('loading the libraries')\n"
         "print(*{name.split('.')[0] for name in sys.modules})"
     )

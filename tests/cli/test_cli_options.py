@@ -12,7 +12,7 @@ from test_cli import table, write
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.choices import check_candidates
+from sklearn_pgnn.cli.inputs import check_candidates
 from sklearn_pgnn.exceptions import OptionError, RecordWarning
 
 TWO = """\
@@ -79,7 +79,7 @@ def test_without_options_a_diagnosis_has_its_defaults(asked):
 
 
 def test_noise_is_given_by_the_names_of_the_outputs(tmp_path, monkeypatch):
-    from sklearn_pgnn.cli.choices import read_noise
+    from sklearn_pgnn.cli.inputs import read_noise
 
     outputs = ["speed", "position"]
     assert read_noise(["position=1e-4", "speed=0.1"], outputs) == [0.1, 1e-4]

@@ -6,7 +6,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from sklearn_pgnn.cli.command_line import command_line
+from sklearn_pgnn.cli.diagnose import command_line
 
 pytestmark = pytest.mark.core
 

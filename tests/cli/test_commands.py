@@ -11,7 +11,7 @@ from test_cli import MODEL, table
 
 from sklearn_pgnn import PhysicsModel, systems
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.systems import SYSTEMS, make_system
+from sklearn_pgnn.cli.options import SYSTEMS, make_system
 from sklearn_pgnn.trajectories.files import open_file
 
 pytestmark = pytest.mark.core

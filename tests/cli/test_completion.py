@@ -4,7 +4,7 @@ import pytest
 from click.testing import CliRunner
 
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.completion import SHELLS, completion_script
+from sklearn_pgnn.cli.options import SHELLS, completion_script
 from sklearn_pgnn.physics.effects import CATALOGUE
 
 pytestmark = pytest.mark.core

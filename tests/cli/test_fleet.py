@@ -10,8 +10,7 @@ from sledge import SLEDGE, drive
 
 from sklearn_pgnn import FleetDiagnosis, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.cluster import on_cluster
-from sklearn_pgnn.cli.fleet_job import machine_files
+from sklearn_pgnn.cli.fleet_job import machine_files, on_cluster
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet.content_key import files_key
 

@@ -10,8 +10,8 @@ from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.diagnosis.known_terms import known_terms
 from sklearn_pgnn.diagnosis.result import Tried
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
-from sklearn_pgnn.inspection.named_terms import known_sentence
-from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.remedies import known_sentence
+from sklearn_pgnn.inspection.report.finding import next_step
 from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.physics.effects.formula import Formula
 

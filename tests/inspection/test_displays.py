@@ -18,7 +18,7 @@ from sklearn_pgnn.inspection import (
     fit_percentage,
     resid,
 )
-from sklearn_pgnn.inspection.residual_display import correlation
+from sklearn_pgnn.inspection.run_displays import correlation
 
 pytestmark = pytest.mark.core
 

@@ -10,8 +10,8 @@ from situations import situation
 
 from sklearn_pgnn.diagnosis.unexplained import hidden_input
 from sklearn_pgnn.inspection.evidence import missing_evidence
+from sklearn_pgnn.inspection.report.evidence_section import residual_maps
 from sklearn_pgnn.inspection.report.formula import FoundFormula
-from sklearn_pgnn.inspection.report.residual_maps import residual_maps
 
 pytestmark = pytest.mark.core
 

@@ -4,8 +4,8 @@ import math
 from types import SimpleNamespace
 
 from sklearn_pgnn import systems
-from sklearn_pgnn.inspection.parameter_ends import spread_remedy, spread_sentence
-from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.remedies import spread_remedy, spread_sentence
+from sklearn_pgnn.inspection.report.finding import next_step
 
 
 def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():

@@ -14,11 +14,9 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.diagnosis import Remaining, Rival, Structure, Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
-from sklearn_pgnn.inspection.balance import Samples
-from sklearn_pgnn.inspection.case import make_case
-from sklearn_pgnn.inspection.equations import equations_of
+from sklearn_pgnn.inspection.case import Samples, make_case
+from sklearn_pgnn.inspection.equations import PAGE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
-from sklearn_pgnn.inspection.mathml import PAGE
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import rivals_or_none, verdict_sentence
 from sklearn_pgnn.physics.shown_states import shown_states

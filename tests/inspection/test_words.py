@@ -9,7 +9,7 @@ from sklearn_pgnn import systems
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.inspection import words
 from sklearn_pgnn.inspection.report import finding
-from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.report.finding import next_step
 from sklearn_pgnn.record_quality.finding import Finding
 
 

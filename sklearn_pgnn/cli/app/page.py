@@ -1,12 +1,54 @@
-"""The page, and the pieces of it that change."""
+"""The page, and the pieces of it that change; all inserted content is escaped."""
+
+from functools import cache
+from importlib.resources import files
 
 from markupsafe import Markup
 
 from sklearn_pgnn.cli.app.forms import choices_of
-from sklearn_pgnn.cli.app.limits import RECORD_BYTES
-from sklearn_pgnn.cli.app.render import render
 from sklearn_pgnn.cli.app.visitor import Visitor
-from sklearn_pgnn.cli.systems import SYSTEMS
+from sklearn_pgnn.cli.app.work import RECORD_BYTES
+from sklearn_pgnn.cli.options import SYSTEMS
+
+
+def render(name: str, **content) -> str:
+    """Return a template of the page, filled with its content."""
+    return _room().get_template(name).render(**content)
+
+
+@cache
+def source(name: str) -> str:
+    """Return a file of the page unchanged."""
+    return files("sklearn_pgnn.cli.app").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+@cache
+def style() -> str:
+    """Return the style sheet: that of the report, and the additions of the page."""
+    return f"{of_report('style.css')}\n{source('app.css')}"
+
+
+@cache
+def of_report(name: str) -> str:
+    """Return a file of the report unchanged."""
+    folder = files("sklearn_pgnn").joinpath("inspection", "report", "templates")
+    return folder.joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def _room():
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    room = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=FunctionLoader(source),
+    )
+    room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
+    return room
+
 
 #: the pieces, in the order in which one comes to them
 PIECES = ("model", "records", "columns", "seen", "work", "result")

@@ -15,11 +15,9 @@ from starlette.routing import Route
 
 from sklearn_pgnn.cli.app.forms import clean_mapping, clean_options
 from sklearn_pgnn.cli.app.guard import Guard
-from sklearn_pgnn.cli.app.limits import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECORD_BYTES
-from sklearn_pgnn.cli.app.page import page, sections
-from sklearn_pgnn.cli.app.render import of_report, source, style
+from sklearn_pgnn.cli.app.page import of_report, page, sections, source, style
 from sklearn_pgnn.cli.app.visitor import Visitor
-from sklearn_pgnn.cli.app.work import Refused
+from sklearn_pgnn.cli.app.work import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECORD_BYTES, Refused
 
 ADDRESS = "127.0.0.1"
 #: permissions of the report: those of its own policy, and none of this page

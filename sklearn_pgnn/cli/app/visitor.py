@@ -6,8 +6,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
-from sklearn_pgnn.cli.app.limits import ALL_BYTES, NAME, PATIENCE, RECORDS
-from sklearn_pgnn.cli.app.work import NO_MEMORY, Ended, Refused, Worker
+from sklearn_pgnn.cli.app.work import (
+    ALL_BYTES,
+    NAME,
+    NO_MEMORY,
+    PATIENCE,
+    RECORDS,
+    Ended,
+    Refused,
+    Worker,
+)
 from sklearn_pgnn.stages import BEST, in_words
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import sympy
 
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
-from sklearn_pgnn.inspection.balance import Samples
-from sklearn_pgnn.inspection.mathml import mathml_of
-from sklearn_pgnn.inspection.model_files import file_of
+from sklearn_pgnn.inspection.case import Samples
+from sklearn_pgnn.inspection.equations import mathml_of
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
-from sklearn_pgnn.inspection.report.correlation import fitted_again
+from sklearn_pgnn.inspection.report.causes import file_of
+from sklearn_pgnn.inspection.report.parameters import fitted_again
 from sklearn_pgnn.inspection.words import dependence, place_name
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel

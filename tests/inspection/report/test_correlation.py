@@ -6,7 +6,7 @@ import pytest
 from situations import situation
 
 from sklearn_pgnn.inspection.report import render_report
-from sklearn_pgnn.inspection.report.correlation import correlation
+from sklearn_pgnn.inspection.report.parameters import correlation
 
 pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:UserWarning")]
 

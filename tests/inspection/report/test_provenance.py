@@ -7,7 +7,7 @@ import pytest
 from situations import situation
 
 from sklearn_pgnn.inspection.report import Provenance, render_report
-from sklearn_pgnn.inspection.report.method import method
+from sklearn_pgnn.inspection.report.provenance import method
 
 pytestmark = pytest.mark.core
 

@@ -9,9 +9,9 @@ from situations import situation
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.inspection.report import Provenance, render_report
+from sklearn_pgnn.inspection.report.causes import members_of
+from sklearn_pgnn.inspection.report.evidence_section import residual_maps, telling_quantities
 from sklearn_pgnn.inspection.report.formula import FoundFormula
-from sklearn_pgnn.inspection.report.members import members_of
-from sklearn_pgnn.inspection.report.residual_maps import residual_maps, telling_quantities
 from sklearn_pgnn.inspection.words import dependence, lacks
 
 pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:UserWarning")]

@@ -9,7 +9,7 @@ from situations import situation
 
 from sklearn_pgnn.diagnosis import Remaining, Rival, Structure
 from sklearn_pgnn.inspection.numbers import times
-from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.report.parameters import parameter_facts
 from sklearn_pgnn.inspection.report.tiles import make_tiles
 from sklearn_pgnn.record_quality.finding import Finding
 
@@ -99,7 +99,7 @@ def test_of_a_provisional_cause_nothing_is_sure():
 
 
 def test_a_fault_of_records_comes_first_in_what_to_do_next():
-    from sklearn_pgnn.inspection.report.next_step import next_step
+    from sklearn_pgnn.inspection.report.finding import next_step
 
     changed = copy(situation("named"))
     assert "Expect threshold 0.5" in next_step(changed)

@@ -1,16 +1,90 @@
-"""Simulations of estimators and models on records, for comparison with the measured outputs."""
+"""Simulations in free run on records, and how well they fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.free_run import free_runs
-from sklearn_pgnn.inspection.start_runs import run_records
 from sklearn_pgnn.inspection.style import LABELS
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.free_run import simulate_record, steps_for
+from sklearn_pgnn.simulation.free_starts import fit_starts
+from sklearn_pgnn.simulation.record_windows import WindowedRecords, window_records
+from sklearn_pgnn.simulation.simulate import Simulation
+from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.trajectories import read_records
+
+
+def run_records(model: PhysicsModel, records, **options) -> list[Simulation]:
+    """Simulate every record in free run, with the hold and the substeps given, if any.
+
+    The initial states are those given in the record, else those with which the model follows the
+    record's beginning, see `sklearn_pgnn.simulation.free_starts`, else the model's initial state.
+    """
+    if all(record.y is not None for record in records):
+        return run_from_starts(model, window_records(model, records, **options))
+    steps = steps_for(model, records, **options)._asdict()
+    return [simulate_record(model, record, **steps) for record in records]
+
+
+def run_from_starts(model: PhysicsModel, windowed: WindowedRecords) -> list[Simulation]:
+    """Simulate windowed records in free run, each from a start fitted to its beginning."""
+    windows = windowed.windows
+    starts = fit_starts(model, windows, windowed.states)
+    return [
+        free_run(model, windows, a, b, start)
+        for (a, b), start in zip(pairwise(windows.bounds), starts, strict=True)
+    ]
+
+
+def fit_percentage(measured, simulated) -> np.ndarray:
+    r"""Return the fit of a simulation to measured outputs, in percent.
+
+    .. math:: 100 \left(1 - \frac{\| y - \hat y \|}{\| y - \bar y \|}\right)
+
+    This is the normalised root mean square error as reported by MATLAB's ``compare``: 100 is
+    perfect, 0 is no better than the mean of the record, and below 0 is worse than it.
+
+    Parameters
+    ----------
+    measured : array-like of shape (n_samples, n_outputs) or (n_samples,)
+        Measured outputs [unit of the output]; NaN where nothing was measured.
+    simulated : array-like of the same shape
+        Simulated outputs [unit of the output].
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        The fit of every output [%]; minus infinity where a simulation becomes non-finite,
+        NaN where an output never changes.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 10, 101)
+    >>> fit_percentage(np.sin(t), 0.9 * np.sin(t)).round(1).tolist()
+    [89.6]
+    """
+    y, yhat = (np.asarray(values, dtype=float) for values in (measured, simulated))
+    if y.shape != yhat.shape:
+        raise ValueError(
+            f"simulated: expected the shape of what was measured, {y.shape}, got {yhat.shape}."
+        )
+    y, yhat = (values.reshape(len(values), -1) for values in (y, yhat))
+    seen = np.isfinite(y)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean = np.where(seen, y, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+        error = np.sqrt((np.where(seen, y - yhat, 0.0) ** 2).sum(axis=0))
+        spread = np.sqrt((np.where(seen, y - mean, 0.0) ** 2).sum(axis=0))
+    error = np.where(np.isfinite(error), error, np.inf)
+    return 100.0 * (1.0 - error / np.where(spread > 0, spread, np.nan))
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,26 @@
-"""What is missing over the two quantities that explain most of it, cell by cell."""
+"""The evidence in a report: characteristics of causes, maps and tests of what is left."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from markupsafe import Markup
+from scipy.stats import norm
 
-from sklearn_pgnn.inspection.balance import Samples
-from sklearn_pgnn.inspection.case import missing_rate_of
-from sklearn_pgnn.inspection.evidence import said_by_formula
+from sklearn_pgnn.inspection.absorbed_noise import expected_autocorrelation
+from sklearn_pgnn.inspection.case import Case, Samples, make_case, missing_rate_of
+from sklearn_pgnn.inspection.cause_names import cause_name
+from sklearn_pgnn.inspection.display import binned_median, limits
+from sklearn_pgnn.inspection.evidence import (
+    Evidence,
+    Line,
+    evidence_of,
+    missing_evidence,
+    said_by_formula,
+)
 from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.report.causes import Member
 from sklearn_pgnn.inspection.report.formula import FoundFormula
+from sklearn_pgnn.inspection.run_displays import ResidualDisplay
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
 from sklearn_pgnn.physics.derived_units import rate_unit
@@ -18,6 +29,85 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import is_effort
 from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states
+
+#: points of a cloud that are drawn
+CLOUD = 1500
+
+
+@dataclass(frozen=True)
+class Characteristic:
+    """A characteristic as it is drawn.
+
+    `keys` are class and name of everything that is drawn.
+    """
+
+    name: str
+    title: str
+    x_label: str
+    y_label: str
+    note: str
+    keys: tuple[tuple[str, str], ...]
+    plot: Markup
+
+
+def characteristics(diagnosis, members: dict[int, list[Member]]) -> list[Characteristic]:
+    """Return the characteristics of the causes, and of what no cause explains."""
+    drawn = []
+    for place, cause in enumerate(diagnosis.causes_):
+        case = make_case(diagnosis, cause)
+        evidence, rivals = evidence_of(case), members.get(place, [])[1:]
+        beside = [line for rival in rivals for line in _beside(evidence, case, rival)]
+        drawn.append(_draw(cause_name(cause.effect, cause.target), evidence, beside))
+    if diagnosis.discrepancy_ is not None:
+        drawn.append(_draw("what no cause explains", missing_evidence(diagnosis), []))
+    return drawn
+
+
+def _beside(evidence: Evidence, case: Case, rival: Member) -> list[Line]:
+    """Return the law of a rival, where it is drawn over the same."""
+    model = rival.fit.model
+    if list(model.states) != list(case.full.states):
+        return []
+    known = {n: p.value for n, p in model.parameters.items() if n in case.without.parameters}
+    records = replace(case.records, fits={**case.records.fits, "extended": rival.fit})
+    other = evidence_of(Case(records, model, case.without.with_parameters(**known), rival.effect))
+    if (other.x_label, other.y_label) != (evidence.x_label, evidence.y_label):
+        return []
+    return [replace(other.lines[-1], whose="rival", label=rival.name)]
+
+
+def _draw(name: str, evidence: Evidence, beside: list[Line]) -> Characteristic:
+    lines = [*beside, *evidence.lines]
+    x_values = [line.x for line in evidence.lines]
+    y_values = [line.y for line in lines]
+    keys: list[tuple[str, str]] = [(line.whose, line.label) for line in lines]
+    if evidence.points is not None:
+        x, y = (np.asarray(part, dtype=float) for part in evidence.points)
+        good = np.isfinite(x) & np.isfinite(y)
+        x, y = x[good], y[good]
+        x_values.append(x)
+        y_values = [np.array(limits(y, lines))]
+    plot = Plot(Scale.over(*x_values, room=0.02), Scale.over(*y_values, room=0.02), evidence.title)
+    if evidence.points is not None:
+        few = slice(None, None, max(1, x.size // CLOUD))
+        plot.points(x[few], y[few], "cloud", "records")
+        keys.insert(0, ("cloud", "records"))
+    for line in lines:
+        plot.line(line.x, line.y, line.whose, line.label)
+    if evidence.points is not None and np.any(np.diff(x) <= 0):
+        centres, medians = binned_median(x, y)
+        plot.points(centres, medians, "median", "their median")
+        keys.append(("median", "their median"))
+    return Characteristic(
+        name,
+        evidence.title,
+        evidence.x_label,
+        evidence.y_label,
+        evidence.note,
+        tuple(keys),
+        plot.html(),
+    )
+
 
 #: cells of a side, samples that a cell needs, and shades of a colour
 CELLS, LEAST, SHADES = 34, 3, 8
@@ -179,3 +269,83 @@ def _cells(values, axes, x, y):
         [np.median(sorted_values[a : a + n]) for a, n in zip(first[full], count[full], strict=True)]
     )
     return cells[full] // CELLS, cells[full] % CELLS, medians
+
+
+#: bins of the histogram, and how far it reaches in standard deviations
+BINS, REACH = 41, 4.0
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """A picture of the residuals of an output."""
+
+    title: str
+    x_label: str
+    plot: Markup
+
+
+def residual_tests(diagnosis) -> dict[str, list[ResidualTest]]:
+    """Return by output the autocorrelation, the correlation with every input, and the histogram.
+
+    They are those of what the model with all that was found leaves over windows.
+    """
+    records = diagnosis.records_
+    windows = records.windows
+    fit = records.fits[records.best]
+    rows = [slice(a, a + n) for a, n in zip(windows.starts, windows.lengths, strict=True)]
+    lags = int(min(25, np.median(windows.lengths) // 3))
+    inputs = {n: [windows.u[r, i] for r in rows] for i, n in enumerate(diagnosis.model.inputs)}
+    expected, found = expected_autocorrelation(records, fit, lags), {}
+    for column, output in enumerate(diagnosis.model.outputs):
+        residuals, about = [fit.residual[r, column] for r in rows], expected[:, column]
+        display = ResidualDisplay(residuals, inputs, output=output, n_lags=lags, expected=about)
+        found[output] = _tests(display, np.concatenate(residuals), output)
+    return found
+
+
+def _tests(display: ResidualDisplay, residual, output: str) -> list[ResidualTest]:
+    title = f"autocorrelation of what is left of {output}"
+    later = display.lags_ > 0
+    auto = _stems(
+        display,
+        display.autocorrelation_[later],
+        title,
+        display.lags_[later],
+        display.expected_[later],
+    )
+    lag = "lag [samples]"
+    tests = [ResidualTest("Autocorrelation", lag, auto)]
+    for name, values in display.cross_correlation_.items():
+        title = f"correlation of what is left of {output} with {name}"
+        plot = _stems(display, values, title, display.lags_, np.zeros(values.size))
+        tests.append(ResidualTest(f"Cross-correlation with {name}", lag, plot))
+    return [
+        *tests,
+        ResidualTest("Histogram", "in standard deviations", _histogram(residual, output)),
+    ]
+
+
+def _stems(display: ResidualDisplay, values, label: str, lags, expected) -> Markup:
+    low, high = expected - display.band_, expected + display.band_
+    reach = 1.1 * float(max(np.abs([values, low, high]).max(initial=0.0), 2.0 * display.band_))
+    plot = Plot(Scale.over(lags, room=0.02), Scale(-reach, reach), label, "low small")
+    plot.between(lags, low, high, "noise-band", "white noise stays within")
+    plot.stems(lags, values, "extended")
+    return plot.html()
+
+
+def _histogram(residual, output: str) -> Markup:
+    known = residual[np.isfinite(residual)]
+    scaled = (known - np.mean(known)) / (np.std(known) or 1.0)
+    edges = np.linspace(-REACH, REACH, BINS + 1)
+    density, _ = np.histogram(np.clip(scaled, -REACH, REACH), edges, density=True)
+    x = np.linspace(-REACH, REACH, 201)
+    plot = Plot(
+        Scale(-REACH, REACH),
+        Scale(0.0, 1.05 * max(density.max(), 0.4)),
+        f"histogram of what is left of {output}, and the normal distribution",
+        "low small",
+    )
+    plot.line(np.repeat(edges, 2)[1:-1], np.repeat(density, 2), "extended", "what is left")
+    plot.line(x, norm.pdf(x), "measured", "normal distribution")
+    return plot.html()

@@ -1,22 +1,35 @@
-"""The model files of a diagnosis: the extended model, and one with every rival of a cause."""
+"""The files of a diagnosis: for programs, the extended model, one with every rival."""
 
+import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 
+from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.report.members import all_members
-from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.inspection.report.causes import all_members
+
+#: the file of a diagnosis, in the folder that the command line writes
+FILE = "diagnosis.json"
+
+
+def as_strict_json(data: Mapping) -> str:
+    """Return plain data as strict JSON; null where a number is not finite.
+
+    Examples
+    --------
+    >>> print(as_strict_json({"free_run": float("inf")}), end="")
+    {
+      "free_run": null
+    }
+    """
+    return json.dumps(finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
 
 EXTENDED = "extended_model.yaml"
 #: pattern of the file names of rivals
 RIVALS = "extended_model_with_*_for_*.yaml"
-
-
-def file_of(model: PhysicsModel) -> str:
-    """Return a model as the text of a model file; empty if it calls functions without equation."""
-    return "" if model.opaque_functions else model.to_yaml()
 
 
 def model_files(diagnosis) -> dict[str, Callable[[], str]]:
