@@ -6,17 +6,21 @@ from sklearn_pgnn import __version__
 from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, fleet, init, simulate
 from sklearn_pgnn.cli.ending import run_to_the_end, take_any_text
 from sklearn_pgnn.cli.export import export
-from sklearn_pgnn.cli.guard import guarded, show_progress
+from sklearn_pgnn.cli.guard import job
 from sklearn_pgnn.cli.options import (
+    CORES,
+    DIAGNOSIS,
     FILE,
+    FORCE,
+    LIST_EFFECTS,
     PROGRAM,
+    RECORDS,
     SHELLS,
+    SHOW,
+    TALK,
     completion_script,
-    diagnosis_options,
-    job_options,
-    list_effects,
-    records_arguments,
-    result_options,
+    output_option,
+    with_options,
 )
 
 EXAMPLE = """\b
@@ -66,13 +70,10 @@ def main():
 
 
 @main.command(epilog=EXAMPLE)
-@records_arguments
-@click.option("--output", required=True, metavar="DIR", type=FILE, help="Folder for the results.")
-@result_options
-@diagnosis_options
-@job_options
-@list_effects
-def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options):
+@with_options(*RECORDS, output_option("DIR", "Folder for the results."), FORCE, *SHOW)
+@with_options(*DIAGNOSIS, CORES, *TALK, LIST_EFFECTS)
+@job
+def diagnose(progress, data, model, output, quiet, force, as_json, opens, **options):
     """Diagnose a model on records.
 
     Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml (of a
@@ -83,14 +84,11 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
     verdict, 2 if the input cannot be used, 3 after an internal error that left a result, 1 after
     one that left none, 130 or 143 after Ctrl-C or SIGTERM.
     """
-    with guarded(debug):
-        with show_progress(quiet) as progress:
-            progress("loading the libraries")
-            from sklearn_pgnn.cli.diagnose import Job
+    from sklearn_pgnn.cli.diagnose import Job
 
-            job = Job(model, data, output, quiet, force, as_json, opens, options)
-            done = job.run(progress)
-        job.print_summary(done)
+    asked = Job(model, data, output, quiet, force, as_json, opens, options)
+    done = asked.run(progress)
+    return lambda: asked.print_summary(done)
 
 
 @main.command()
@@ -102,18 +100,16 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
     type=FILE,
     help="Folder for the files of the demo.",
 )
-@result_options
-@job_options
-def demo(output, quiet, debug, **options):
+@with_options(FORCE, *SHOW, CORES, *TALK)
+@job
+def demo(_progress, output, quiet, **options):
     """Diagnose a simulated golf robot whose model lacks stick-slip.
 
     Writes the model file and the CSV records to DIR/input, and diagnoses them.
     """
-    with guarded(debug):
-        with show_progress(quiet) as progress:
-            progress("loading the libraries")
-            from sklearn_pgnn.cli.demo import run_demo
-        run_demo(output, quiet=quiet, **options)
+    from sklearn_pgnn.cli.demo import run_demo
+
+    return lambda: run_demo(output, quiet=quiet, **options)
 
 
 @main.command(epilog=WHERE)

@@ -14,14 +14,7 @@ import click
 from click.core import ParameterSource
 
 from sklearn_pgnn.cli.guard import Bug, one_line
-from sklearn_pgnn.cli.inputs import (
-    check_candidates,
-    choose_effects,
-    choose_targets,
-    read_model,
-    read_noise,
-    told_warnings,
-)
+from sklearn_pgnn.cli.inputs import read_model, read_search, told_warnings
 from sklearn_pgnn.cli.output import (
     check_free,
     remove_files,
@@ -41,7 +34,7 @@ from sklearn_pgnn.trajectories.files import read_files
 
 
 def command_line() -> str:
-    """Return the running command with its arguments; empty outside a command."""
+    """Return the running command with its arguments, for a report; empty outside a command."""
     context = click.get_current_context(silent=True)
     if context is None:
         return ""
@@ -49,18 +42,14 @@ def command_line() -> str:
     for parameter in context.command.params:
         name = parameter.name
         if name and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            words += _words(parameter, context.params[name])
+            value = context.params[name]
+            values = value if isinstance(value, tuple) else (value,)
+            option = [] if isinstance(parameter, click.Argument) else [parameter.opts[-1]]
+            if getattr(parameter, "is_flag", False):
+                words += option if value else []
+            else:
+                words += [word for each in values for word in (*option, str(each))]
     return shlex.join(words)
-
-
-def _words(parameter: click.Parameter, value) -> list[str]:
-    values = list(value) if isinstance(value, tuple) else [value]
-    if isinstance(parameter, click.Argument):
-        return [str(each) for each in values]
-    option = parameter.opts[-1]
-    if getattr(parameter, "is_flag", False):
-        return [option] if value else []
-    return [word for each in values for word in (option, str(each))]
 
 
 #: how a copy of a robot's file is written, by its ending, and the copy's name without it
@@ -106,7 +95,9 @@ class Job:
         progress("reading the model and the records")
         model = read_model(self.model)
         begun = monotonic()
-        diagnosis = self._prepare(model, progress)
+        options = {name: value for name, value in self.options.items() if name != "sample_time"}
+        options |= read_search(model, options)
+        diagnosis = ModelDiagnosis(model, **options, progress=progress)
         with told_warnings(RecordWarning):
             X, y = read_files(self.data, model, self.options.get("sample_time"))
         if diagnosis.time_limit is not None:
@@ -121,7 +112,8 @@ class Job:
             kept = sorted(file.name for file in folder.iterdir())
         remove_files(Path(self.output), {*rivals} - {*kept})
         if (error := broken or failed) is not None:
-            raise Bug(error, self._kept(kept)) from error
+            place = f"The results so far are in {one_line(self.output)}: {', '.join(kept)}."
+            raise Bug(error, place if kept else "") from error
         return Done(diagnosis, warned, bool(earlier))
 
     def print_summary(self, done: Done) -> None:
@@ -137,22 +129,6 @@ class Job:
             print_diagnosis(done.diagnosis, Path(self.output), quiet=self.quiet)
         if self.opens:
             click.launch(str(Path(self.output, "report.html").absolute()))
-
-    def _prepare(self, model, progress) -> ModelDiagnosis:
-        """Return the diagnosis, with its options checked."""
-        options = {name: value for name, value in self.options.items() if name != "sample_time"}
-        noise = read_noise(options.pop("noise", ()), list(model.outputs))
-        effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
-        targets = choose_targets(options.pop("targets", ()), model)
-        check_candidates(model, effects, targets)
-        chosen: dict[str, Any] = {"noise_std": noise, "catalogue": effects, "targets": targets}
-        return ModelDiagnosis(model, **chosen, **options, progress=progress)
-
-    def _kept(self, names: Sequence[str]) -> str:
-        """Return a sentence on the files that were written before the failure."""
-        if not names:
-            return ""
-        return f"The results so far are in {one_line(self.output)}: {', '.join(names)}."
 
 
 def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
@@ -174,7 +150,12 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
 def write_results(folder: Path, diagnosis, provenance: Provenance) -> Exception | None:
     """Write the files of a result; return the error of a file or a part that was left out."""
     with _noted(DiagnosisWarning) as told:
-        failed = write_files(folder, result_texts(diagnosis, provenance))
+        texts = {
+            "diagnosis.json": lambda: strict_json(diagnosis),
+            **model_files(diagnosis),
+            "report.html": lambda: render_report(diagnosis, provenance),
+        }
+        failed = write_files(folder, texts)
     return next(iter(failed.values()), None) or _left_out(told)
 
 
@@ -206,12 +187,3 @@ def _left_out(told: Iterable[Warning]) -> Exception | None:
     """Return the error of the first stage or part that was left out."""
     errors = (each.__cause__ for each in told if isinstance(each, DiagnosisWarning))
     return next((error for error in errors if isinstance(error, Exception)), None)
-
-
-def result_texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:
-    """Return a function that writes the text of each file, by file name."""
-    return {
-        "diagnosis.json": lambda: strict_json(diagnosis),
-        **model_files(diagnosis),
-        "report.html": lambda: render_report(diagnosis, provenance),
-    }

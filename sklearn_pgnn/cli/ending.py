@@ -6,7 +6,6 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
-from types import FrameType
 
 import click
 
@@ -62,14 +61,17 @@ def _install() -> dict:
     """Install the handlers; only the main thread may."""
     if threading.current_thread() is not threading.main_thread():
         return {}
-    numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
-    heard = [n for n in numbers if signal.getsignal(n) not in (signal.SIG_IGN, None)]
-    return {number: signal.signal(number, _come) for number in heard}
+
+    def come(number, _frame) -> None:
+        _Stop.came = number
+        check()
+
+    heard = [n for n in _numbers() if signal.getsignal(n) not in (signal.SIG_IGN, None)]
+    return {number: signal.signal(number, come) for number in heard}
 
 
-def _come(number, _frame) -> None:
-    _Stop.came = number
-    check()
+def _numbers() -> list[int]:
+    return [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
 
 
 def take_any_text() -> None:
@@ -101,8 +103,13 @@ def run_to_the_end(command: Callable[[], object]) -> None:
         raise
     finally:
         end_workers()
-        _drop_unwritten()
-        _end_on_signals(code)
+        try:
+            sys.stdout.flush()
+        except OSError:  # it was told, and is not told again at the end
+            with suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        for number in _numbers():
+            signal.signal(number, lambda *_: os._exit(code))
 
 
 def end_workers() -> None:
@@ -111,21 +118,3 @@ def end_workers() -> None:
     executor = getattr(executors, "_executor", None)
     if executor is not None:
         executor.shutdown(wait=True, kill_workers=True)
-
-
-def _drop_unwritten() -> None:
-    """Forget what stdout does not take: the error was told, and is not told again at the end."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        with suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _end_on_signals(code: int) -> None:
-    def end(_number: int, _frame: FrameType | None) -> None:
-        os._exit(code)
-
-    for name in SIGNALS:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), end)

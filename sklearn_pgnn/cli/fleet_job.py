@@ -13,13 +13,7 @@ import click
 from joblib import parallel_config
 
 from sklearn_pgnn.cli.guard import one_line, writing
-from sklearn_pgnn.cli.inputs import (
-    check_candidates,
-    choose_effects,
-    choose_targets,
-    read_model,
-    read_noise,
-)
+from sklearn_pgnn.cli.inputs import read_model, read_search
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError, RecordError
@@ -69,11 +63,7 @@ class FleetJob:
         own = {name: options.pop(name) for name in ("earlier", "sample_time", "n_jobs")}
         machines = machine_files(Path(self.records), options.pop("pattern"))
         cluster = options.pop("cluster")
-        noise = read_noise(options.pop("noise"), list(model.outputs))
-        effects = choose_effects(options.pop("catalogue"), options.pop("exclude"))
-        targets = choose_targets(options.pop("targets"), model)
-        check_candidates(model, effects, targets)
-        options |= {"noise_std": noise, "catalogue": effects, "targets": targets}
+        options |= read_search(model, options)
         if Path(self.output).exists() and not Path(self.output).is_dir():
             raise OptionError(
                 f"--output: {self.output}: expected a folder for the results, got a file."
@@ -94,7 +84,7 @@ def machine_files(folder: Path, pattern: str | None = None) -> dict[str, list[st
     """Return the files of every machine below a folder."""
     if not folder.is_dir():
         raise RecordError(f"{folder}: expected a folder with the records of the machines.")
-    named = _by_place if pattern is None else _reader(pattern)
+    named = _reader(pattern)
     machines: dict[str, list[str]] = {}
     for file in sorted(_records(folder)):
         place = file.relative_to(folder)
@@ -117,12 +107,10 @@ def _records(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def _by_place(place: Path) -> str | None:
-    return place.stem if len(place.parts) == 1 else place.parts[0]
-
-
-def _reader(pattern: str) -> Callable[[Path], str | None]:
+def _reader(pattern: str | None) -> Callable[[Path], str | None]:
     """Return the function that reads a machine's name from the path of its file."""
+    if pattern is None:
+        return lambda place: place.stem if len(place.parts) == 1 else place.parts[0]
     if pattern.count(MACHINE) != 1:
         raise OptionError(
             f"--pattern: expected {MACHINE} once, for the part of a name that identifies the "
@@ -132,11 +120,7 @@ def _reader(pattern: str) -> Callable[[Path], str | None]:
     parts = re.split(r"(\{machine\}|\*)", pattern)
     wanted = re.compile("".join(words.get(part, re.escape(part)) for part in parts))
 
-    def read(place: Path) -> str | None:
-        found = wanted.fullmatch(place.as_posix())
-        return None if found is None else found["machine"]
-
-    return read
+    return lambda place: (found := wanted.fullmatch(place.as_posix())) and found["machine"]
 
 
 def print_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):

@@ -2,8 +2,9 @@
 
 import errno
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 
 import click
 from rich.console import Console
@@ -65,8 +66,9 @@ def guarded(debug: bool):
         try:
             yield
         except Exception as error:
-            if _is_not_ours(error):
-                raise
+            gone = isinstance(error, OSError) and error.errno == errno.EPIPE  # as of ``| head``
+            if gone or isinstance(error, click.exceptions.Exit | click.Abort):
+                raise  # click handles them
             if debug:
                 click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             raise _told(error) from None
@@ -81,31 +83,17 @@ def writing(what: object):
         raise Unusable(one_line(f"{what}: {error.strerror or error}.")) from error
 
 
-def _is_not_ours(error: Exception) -> bool:
-    """Whether click handles an error: its own exits, and a closed pipe (``| head``)."""
-    gone = isinstance(error, OSError) and error.errno == errno.EPIPE
-    return gone or isinstance(error, click.exceptions.Exit | click.Abort)
-
-
 def _told(error: Exception) -> Exception:
     if isinstance(error, click.ClickException):
         return error
     if isinstance(error, OSError) and error.errno is not None:
-        return Unusable(one_line(f"{_shortened(error.filename)}: {error.strerror}."))
+        name = "output" if error.filename is None else str(error.filename)  # else a stream
+        name = name if len(name) <= SHOWN else f"{name[:SHOWN]} ..."
+        return Unusable(one_line(f"{name}: {error.strerror}."))
     if isinstance(error, MemoryError):
         return Unusable("expected input that fits into memory, got more. Remedy: fewer records.")
-    return Unusable(one_line(error)) if isinstance(error, UNUSABLE) or _lacks(error) else Bug(error)
-
-
-def _shortened(path: object) -> str:
-    """Return the name of a file for an error; what has none is a stream."""
-    name = "output" if path is None else str(path)
-    return name if len(name) <= SHOWN else f"{name[:SHOWN]} ..."
-
-
-def _lacks(error: Exception) -> bool:
-    """Whether an optional library is not installed."""
-    return isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
+    lacks = isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
+    return Unusable(one_line(error)) if lacks or isinstance(error, UNUSABLE) else Bug(error)
 
 
 @contextmanager
@@ -115,12 +103,24 @@ def show_progress(quiet: bool) -> Iterator[Show]:
         yield lambda *_: check()
     else:
         with shown_progress(Console(stderr=True)) as show:
-            yield _checked(show)
+
+            def progress(*step) -> None:
+                check()
+                show(*step)
+
+            yield progress
 
 
-def _checked(show: Show) -> Show:
-    def progress(*step) -> None:
-        check()
-        show(*step)
+def job(work: Callable[..., Callable[[], object] | None]) -> Callable[..., None]:
+    """Make a command of what works with a progress, and returns what prints its result."""
 
-    return progress
+    @wraps(work)
+    def command(quiet: bool, debug: bool, **given) -> None:
+        with guarded(debug):
+            with show_progress(quiet) as progress:
+                progress("loading the libraries")
+                show = work(progress, quiet=quiet, **given)
+            if show is not None:
+                show()
+
+    return command

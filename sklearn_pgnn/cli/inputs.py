@@ -77,8 +77,7 @@ def read_noise(words: Sequence[str], outputs: Sequence[str]) -> list[float] | No
         if name not in outputs or name in found:
             _refuse_noise(word, outputs)
         found[name] = _positive(number, word)
-    missing = [name for name in outputs if name not in found]
-    if missing:
+    if len(found) < len(outputs):
         _refuse_noise(", ".join(words), outputs)
     return [found[name] for name in outputs]
 
@@ -132,6 +131,15 @@ def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | Non
     names = split(words)
     check_targets(model, names)
     return names or None
+
+
+def read_search(model: PhysicsModel, options: dict) -> dict:
+    """Take the words for noise, effects and targets out of options; return what they mean."""
+    noise = read_noise(options.pop("noise", ()), list(model.outputs))
+    effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
+    targets = choose_targets(options.pop("targets", ()), model)
+    check_candidates(model, effects, targets)
+    return {"noise_std": noise, "catalogue": effects, "targets": targets}
 
 
 def check_candidates(model: PhysicsModel, effects, targets) -> None:

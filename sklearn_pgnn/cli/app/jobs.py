@@ -108,22 +108,18 @@ def take_model(progress: Callable, label: str) -> dict:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", ModelWarning)
         try:
-            _require_equations(robot_in(NEW))
+            if (robot := robot_in(NEW)) is not None:
+                raise ModelError(
+                    f"{NEW}: expected a model that is whole, got one of a robot in "
+                    f"{robot['file']!r}. Remedy: sklearn-pgnn diagnose --model MODEL.yaml, where "
+                    f"both files are."
+                )
             model = PhysicsModel.from_yaml(NEW)
         except ModelError as error:
             raise ModelError(str(error).replace(str(NEW), label)) from error
     os.replace(NEW, MODEL)
     said = [str(w.message) for w in told if issubclass(w.category, ModelWarning)]
     return _told_model(model, label, [text.replace(str(NEW), label) for text in said])
-
-
-def _require_equations(robot: dict | None) -> None:
-    """Refuse a model whose machine is in a file beside it."""
-    if robot is not None:
-        raise ModelError(
-            f"{NEW}: expected a model that is whole, got one of a robot in {robot['file']!r}. "
-            f"Remedy: sklearn-pgnn diagnose --model MODEL.yaml, where both files are."
-        )
 
 
 def take_system(progress: Callable, system: str) -> dict:
@@ -156,9 +152,8 @@ def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:
         "label": label,
         "name": model.name,
         "parts": {
-            "states": _units(model, model.states),
-            "inputs": _units(model, model.inputs),
-            "outputs": _units(model, model.outputs),
+            part: [_with_unit(name, model.unit(name)) for name in getattr(model, part)]
+            for part in ("states", "inputs", "outputs")
         },
         "parameters": [
             f"{name} = {number(p.value)} {typeset_unit(p.unit)}".rstrip()
@@ -169,9 +164,8 @@ def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:
     }
 
 
-def _units(model: PhysicsModel, names) -> list[str]:
-    units = {name: typeset_unit(model.unit(name)) for name in names}
-    return [f"{name} [{unit}]" if unit else name for name, unit in units.items()]
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{typeset_unit(unit)}]" if typeset_unit(unit) else name
 
 
 def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
@@ -179,11 +173,16 @@ def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
     return seen_columns(PhysicsModel.from_yaml(MODEL), files)
 
 
+def _read(files, mapping) -> tuple:
+    """Return the model and the records as they were mapped."""
+    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
+    return model, *read_mapped(model, files, mapping)
+
+
 def look(progress: Callable, files, mapping, options) -> dict:
     """Plot the records together with the model as given."""
     progress("reading the records")
-    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
-    X, y = read_mapped(model, files, mapping)
+    model, X, y = _read(files, mapping)
     progress("simulating the model as given")
     LOOK.write_text(draw_look(model, X, y), encoding="utf-8")
     return {}
@@ -192,15 +191,16 @@ def look(progress: Callable, files, mapping, options) -> dict:
 def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
     """Diagnose, write the files of the result, and return the data for display."""
     progress("reading the model and the records")
-    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
-    X, y = read_mapped(model, files, mapping)
+    model, X, y = _read(files, mapping)
     diagnosis = ModelDiagnosis(model, progress=progress, **options)
     broken, warned = fit_kept(diagnosis, X, y)
     progress("writing the report")
     RESULT.mkdir(exist_ok=True)
     for file in RESULT.iterdir():
         file.unlink()
-    error = broken or write_results(RESULT, diagnosis, _provenance(label, files))
+    data = tuple(SourceFile(file["label"], file["sha256"]) for file in files)
+    source = Provenance(SourceFile(label, SourceFile.read(MODEL).sha256), data, "sklearn-pgnn app")
+    error = broken or write_results(RESULT, diagnosis, source)
     return {
         "title": title(diagnosis),
         "verdict": verdict_line(diagnosis),
@@ -210,12 +210,6 @@ def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
         "files": list(described_files(diagnosis).items()),
         "warnings": warned if error is None else [*warned, Bug(error).message],
     }
-
-
-def _provenance(label: str, files) -> Provenance:
-    model = SourceFile(label, SourceFile.read(MODEL).sha256)
-    data = tuple(SourceFile(file["label"], file["sha256"]) for file in files)
-    return Provenance(model, data, "sklearn-pgnn app")
 
 
 JOBS: dict[str, Callable] = {

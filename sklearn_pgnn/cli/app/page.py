@@ -56,28 +56,21 @@ PIECES = ("model", "records", "columns", "seen", "work", "result")
 
 def page(visitor: Visitor) -> str:
     """Return the whole page of a visitor."""
-    return render("page.html.j2", sections=_marked(sections(visitor)))
-
-
-def _marked(pieces: dict[str, str]) -> dict[str, Markup]:
-    return {name: Markup(html) for name, html in pieces.items()}
+    marked = {name: Markup(html) for name, html in sections(visitor).items()}
+    return render("page.html.j2", sections=marked)
 
 
 def sections(visitor: Visitor) -> dict[str, str]:
     """Return the pieces of a visitor's page, by name."""
+    path = visitor.folder / "look.html"
     content = {
         "visitor": visitor,
         "systems": SYSTEMS,
         "most": f"{RECORD_BYTES / 1e6:g}",
-        "look": _look(visitor),
+        "look": Markup(path.read_text(encoding="utf-8") if visitor.looked else ""),
         "choices": _choices(visitor),
     }
     return {name: render(f"{name}.html.j2", **content) for name in PIECES}
-
-
-def _look(visitor: Visitor) -> Markup:
-    path = visitor.folder / "look.html"
-    return Markup(path.read_text(encoding="utf-8")) if visitor.looked else Markup("")
 
 
 def _choices(visitor: Visitor) -> list[dict]:

@@ -37,10 +37,6 @@ class RecordFile:
         """Name in the folder."""
         return f"{self.number}.csv"
 
-    def to_dict(self) -> dict:
-        """Return the data that the process needs."""
-        return {"file": self.file, "label": self.label, "sha256": self.sha256}
-
 
 @dataclass
 class Stages:
@@ -121,7 +117,6 @@ class Visitor:
 
     async def _read_model(self, command: dict) -> None:
         self.model = await self.ask(command)
-        self.forget_look()
         await self.read_columns()
 
     async def take_example(self) -> None:
@@ -133,7 +128,6 @@ class Visitor:
         for number, label in enumerate(made["files"], start=1):
             content = (self.folder / f"{number}.csv").read_bytes()
             self.records.append(_record(number, label, content))
-        self.forget_look()
         await self.read_columns()
 
     def new_number(self) -> int:
@@ -156,7 +150,6 @@ class Visitor:
         record = _record(number, shown_name(label), content)
         (self.folder / record.file).write_bytes(content)
         self.records.append(record)
-        self.forget_look()
         try:
             await self.read_columns()
         except Refused:
@@ -169,7 +162,6 @@ class Visitor:
         for record in [record for record in self.records if record.number == number]:
             self.records.remove(record)
             (self.folder / record.file).unlink()
-        self.forget_look()
         await self.read_columns()
 
     @property
@@ -177,15 +169,13 @@ class Visitor:
         """Size of all records in bytes."""
         return sum(record.size for record in self.records)
 
-    def forget_look(self) -> None:
-        """Forget what was seen of other files."""
-        self.looked, self.result, self.message, self.running = False, None, "", None
-
     async def read_columns(self) -> None:
         """Read the names of the files' columns, and guess their quantities.
 
-        A chosen column is kept if the files still have it.
+        What was seen of other files is forgotten; a chosen column is kept if the files still have
+        it.
         """
+        self.looked, self.result, self.message, self.running = False, None, "", None
         self.columns = None
         if self.model is None or not self.records:
             self.mapping = {}
@@ -199,7 +189,7 @@ class Visitor:
     @property
     def files(self) -> list[dict]:
         """The files in the form that the process takes."""
-        return [record.to_dict() for record in self.records]
+        return [{"file": r.file, "label": r.label, "sha256": r.sha256} for r in self.records]
 
     # -- what is done ------------------------------------------------------------------------------
 
