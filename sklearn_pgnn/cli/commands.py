@@ -1,5 +1,7 @@
 """The commands around a diagnosis: a model file, its check, its simulation, its fit, a fleet."""
 
+from pathlib import Path
+
 import click
 
 from sklearn_pgnn.cli.guard import job
@@ -143,15 +145,19 @@ def compare(_progress, one, other, output, force, as_json, opens, quiet):
 
     A and B are folders that diagnose has written, or the diagnosis.json in them.
     """
-    from sklearn_pgnn.cli.compare import print_comparison, write_comparison
+    from sklearn_pgnn.cli.output import write_file
+    from sklearn_pgnn.cli.screen import print_comparison
     from sklearn_pgnn.exceptions import OptionError
     from sklearn_pgnn.inspection import compare as compare_diagnoses
+    from sklearn_pgnn.inspection.comparison_report import render_comparison
 
     if opens and output is None:
         raise OptionError("--open: expected a report to open. Remedy: name it (--output).")
     found = compare_diagnoses(one, other)
     if output is not None:
-        write_comparison(found, output, force=force, opens=opens)
+        write_file(output, render_comparison(found), force=force)
+        if opens:
+            click.launch(str(Path(output).absolute()))
     return lambda: print_comparison(found, as_json=as_json, quiet=quiet)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import read_model_and_records, read_noise, split
-from sklearn_pgnn.cli.tables import cell, change, heading, print_table, say, screen, table
+from sklearn_pgnn.cli.tables import change, heading, print_table, say, screen
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import OptionError
@@ -39,8 +39,7 @@ class FitJob:
         self.regressor.fit(self.X, self.y)
         records = read_records(self.prior, self.X, self.y)
         y = np.concatenate([record.y for record in records])
-        said = self.regressor.hold, self.regressor.substeps
-        told = dict(zip(("hold", "substeps"), said, strict=True))
+        told = {"hold": self.regressor.hold, "substeps": self.regressor.substeps}
         self.fits = {
             which: fit_percentage(
                 y, np.concatenate([r.y for r in run_records(model, records, **told)])
@@ -80,24 +79,27 @@ class FitJob:
             return
         console = screen()
         say(console, "Fit in free run (100 % is perfect)", "bold")
-        rows = table("", "as given", "fitted")
-        for i, name in enumerate(self.prior.outputs):
-            rows.add_row(cell(name), *(fit_text(fit[i], 1) for fit in self.fits.values()))
-        print_table(console, rows)
+        fits = (
+            (name, *(fit_text(fit[i], 1) for fit in self.fits.values()))
+            for i, name in enumerate(self.prior.outputs)
+        )
+        print_table(console, ("", "as given", "fitted"), fits)
         if quiet:
             return
         heading(console, "Parameters (95 % interval)")
-        print_table(console, self._parameters())
+        given = {name: p.value for name, p in self.prior.parameters.items()}
+        rows = (
+            (
+                name,
+                number(given[name]),
+                measured(e.value, e.low, e.high, e.unit),
+                change(e.value, given[name]),
+            )
+            for name, e in self.regressor.parameters_.items()
+        )
+        print_table(console, ("", "as given", "fitted", "change"), rows)
         heading(console, "Written")
         console.print(f"  {one_line(output)}  (the fitted model; a model file again)")
-
-    def _parameters(self):
-        rows = table("", "as given", "fitted", "change")
-        for name, found in self.regressor.parameters_.items():
-            prior = self.prior.parameters[name].value
-            now = measured(found.value, found.low, found.high, found.unit)
-            rows.add_row(cell(name), number(prior), cell(now), change(found.value, prior))
-        return rows
 
 
 def _known(names: list[str], model: PhysicsModel) -> list[str] | None:

@@ -14,7 +14,7 @@ from joblib import parallel_config
 
 from sklearn_pgnn.cli.guard import one_line, writing
 from sklearn_pgnn.cli.inputs import read_model, read_search
-from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
+from sklearn_pgnn.cli.tables import heading, print_table, say, screen
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.extras import needed_by
@@ -153,12 +153,16 @@ def _print_summary(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
     wrong = [m for m in fleet.machines_.values() if m.said != adequate]
     if wrong:
         heading(console, "Machines, most certain first")
-        rows = table("machine", "verdict", "cause", "how sure")
-        for machine in wrong[:SHOWN]:
-            causes = ", ".join(cause_name(*pair) for pair in machine.named) or machine.failed
-            sure = chance(machine.sure) if machine.named else ""
-            rows.add_row(*map(cell, (machine.name, machine.said, causes, sure)))
-        print_table(console, rows)
+        rows = (
+            (
+                m.name,
+                m.said,
+                ", ".join(cause_name(*pair) for pair in m.named) or m.failed,
+                chance(m.sure) if m.named else "",
+            )
+            for m in wrong[:SHOWN]
+        )
+        print_table(console, ("machine", "verdict", "cause", "how sure"), rows)
         _more(console, len(wrong))
     console.print()
     say(console, f"Report: {one_line(report)}")

@@ -5,7 +5,7 @@ import pandas as pd
 
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import read_inputs, read_model
-from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table
+from sklearn_pgnn.cli.tables import print_table, say, screen
 from sklearn_pgnn.inspection.numbers import fit_text
 from sklearn_pgnn.inspection.runs import fit_percentage, run_records
 from sklearn_pgnn.physics import PhysicsModel
@@ -42,12 +42,9 @@ def _table(model, record, run) -> pd.DataFrame:
     values |= dict(zip(model.outputs, run.y.T, strict=True))
     columns = {name: record.u[:, i] for i, name in enumerate(model.inputs)}
     columns |= {name: values[name] for name in quantities_of(model)}
-    named = {_titled(n, model.unit(n)): np.asarray(v) for n, v in columns.items()}
+    units = {name: f" [{model.unit(name)}]" if model.unit(name) else "" for name in columns}
+    named = {f"{name}{units[name]}": np.asarray(v) for name, v in columns.items()}
     return pd.DataFrame({"trajectory": record.name, "t [s]": record.origin + record.t, **named})
-
-
-def _titled(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
 
 
 def to_csv(rows: pd.DataFrame) -> str:
@@ -68,7 +65,5 @@ def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: boo
         return
     console.print()
     say(console, "Fit to the measured outputs in free run (100 % is perfect)", "bold")
-    rows = table("", *model.outputs)
-    for name, percent in fits.items():
-        rows.add_row(cell(name), *(fit_text(p, 1) for p in percent))
-    print_table(console, rows)
+    rows = ((name, *(fit_text(p, 1) for p in percent)) for name, percent in fits.items())
+    print_table(console, ("", *model.outputs), rows)

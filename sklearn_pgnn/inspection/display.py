@@ -305,28 +305,27 @@ def draw_evidence(axes, evidence: Evidence) -> None:
     tidy(axes)
 
 
+def known_points(x, y) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points whose two coordinates are finite."""
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    good = np.isfinite(x) & np.isfinite(y)
+    return x[good], y[good]
+
+
 def draw_points(axes, x, y) -> None:
     """Draw a thinned scatter of points, and its medians over bins."""
-    good = np.isfinite(x) & np.isfinite(y)
-    x, y = x[good], y[good]
+    x, y = known_points(x, y)
     few = slice(None, None, max(1, x.size // CLOUD))
     size, alpha = (2, 0.35) if x.size > 500 else (4, 0.8)
-    axes.plot(
-        x[few],
-        y[few],
-        ".",
-        color=COLOURS["points"],
-        markersize=size,
-        alpha=alpha,
-        label="records",
-    )
+    style = {"color": COLOURS["points"], "markersize": size, "alpha": alpha}
+    axes.plot(x[few], y[few], ".", **style, label="records")
     if np.all(np.diff(x) > 0):
         return
     centres, medians = binned_median(x, y)
     axes.plot(centres, medians, "o", color=COLOURS["medians"], markersize=3, label="their median")
 
 
-def binned_median(x, y, bins: int = BINS):
+def binned_median(x, y, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
     """Return the median of `y` over equal bins of `x` that hold enough points.
 
     Examples

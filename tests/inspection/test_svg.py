@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sklearn_pgnn.inspection.report.curves_section import _in_sight
+from sklearn_pgnn.inspection.report.curves_section import in_sight
 from sklearn_pgnn.inspection.svg import Plot, Scale, dot, mark, span, strip, thinned
 
 ENDS = st.tuples(st.floats(-1e6, 1e6, allow_nan=False), st.floats(1e-3, 1e6, allow_nan=False)).map(
@@ -73,5 +73,5 @@ def test_names_are_escaped_and_the_whole_is_well_formed():
 
 @pytest.mark.filterwarnings("error")
 def test_an_output_that_a_record_lacks_is_drawn_as_simulated():
-    axis = _in_sight(np.full(5, np.nan), [np.linspace(0.0, 2.0, 5)])
+    axis = in_sight(np.full(5, np.nan), [np.linspace(0.0, 2.0, 5)])
     assert axis.low < 0.0 < 2.0 < axis.high

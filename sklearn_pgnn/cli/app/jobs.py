@@ -5,7 +5,6 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 from markupsafe import Markup
 
 from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns, with_kinds
@@ -22,6 +21,7 @@ from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.first_look import first_look
 from sklearn_pgnn.inspection.numbers import fit_text, number, typeset_unit
 from sklearn_pgnn.inspection.report import Provenance, SourceFile
+from sklearn_pgnn.inspection.report.curves_section import in_sight, input_plot
 from sklearn_pgnn.inspection.report.finding import next_step, title, verdict_line
 from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
 from sklearn_pgnn.inspection.runs import run_records
@@ -32,9 +32,6 @@ from sklearn_pgnn.physics.effects import CoulombFriction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import robot_in
 from sklearn_pgnn.trajectories import read_records
-
-#: a simulation that exceeds the record by more than this multiple of its range is clipped
-SIGHT = 1.0
 
 
 def draw_look(model: PhysicsModel, X, y) -> str:
@@ -80,21 +77,13 @@ def _plots(model: PhysicsModel, record, run) -> list[tuple[str, Markup]]:
     plots = []
     for i, name in enumerate(model.outputs):
         y, simulated = record.y[:, i], run.y[:, i]
-        plot = Plot(x, _in_sight(y, simulated), f"{name} measured and simulated", "medium")
+        plot = Plot(x, in_sight(y, [simulated]), f"{name} measured and simulated", "medium")
         plot.line(record.t, y, "measured", "measured")
         plot.line(record.t, simulated, "prior", "model as given")
         plots.append((label(name, model.unit(name)), plot.html()))
     for i, name in enumerate(model.inputs):
-        plot = Plot(x, Scale.over(record.u[:, i]), f"input {name}", "low")
-        plot.line(record.t, record.u[:, i], "input", name)
-        plots.append((label(name, model.unit(name)), plot.html()))
+        plots.append(input_plot(record.t, record.u[:, i], name, model.unit(name)))
     return plots
-
-
-def _in_sight(y, simulated) -> Scale:
-    low, high = np.nanmin(y), np.nanmax(y)
-    reach = SIGHT * ((high - low) or 1.0)
-    return Scale.over(y, np.clip(simulated, low - reach, high + reach))
 
 
 MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")

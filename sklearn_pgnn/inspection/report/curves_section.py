@@ -18,17 +18,6 @@ BAND, FAR = 2.0, 8.0
 
 
 @dataclass(frozen=True)
-class Curves:
-    """A record as it was measured and simulated.
-
-    `plots` has what is drawn, and its plot.
-    """
-
-    title: str
-    plots: tuple[tuple[str, Markup], ...]
-
-
-@dataclass(frozen=True)
 class CurveDrawer:
     """Draws records and what models make of them.
 
@@ -48,14 +37,14 @@ class CurveDrawer:
     def _css(self, which: str) -> str:
         return f"{which} best" if which == self.best else which
 
-    def draw(self, record: int) -> Curves:
-        """Return the curves of a record."""
-        names = self.diagnosis.records_.names
-        outputs = range(len(self.diagnosis.model.outputs))
-        plots = [plot for i in outputs for plot in self._output(record, i)]
-        inputs = range(len(self.diagnosis.model.inputs))
-        plots += [self._input(record, i) for i in inputs]
-        return Curves(called(names[record], record, len(names)), tuple(plots))
+    def draw(self, record: int) -> dict:
+        """Return the curves of a record: its title, and every plot with what is drawn."""
+        names, model, rows = self.diagnosis.records_.names, self.diagnosis.model, self._rows(record)
+        windows = self.diagnosis.records_.windows
+        plots = [plot for i in range(len(model.outputs)) for plot in self._output(record, i)]
+        for i, name in enumerate(model.inputs):
+            plots.append(input_plot(windows.t[rows], windows.u[rows, i], name, model.unit(name)))
+        return {"title": called(names[record], record, len(names)), "plots": plots}
 
     def _rows(self, record: int) -> slice:
         bounds = self.diagnosis.records_.windows.bounds
@@ -66,9 +55,8 @@ class CurveDrawer:
         windows, name = self.diagnosis.records_.windows, list(model.outputs)[column]
         t, y = windows.t[rows], windows.y[rows, column]
         runs = {which: run[rows, column] for which, run in self.simulated.items()}
-        curves = Plot(
-            Scale.over(t, room=0), _in_sight(y, runs.values()), f"{name} measured and simulated"
-        )
+        title = f"{name} measured and simulated"
+        curves = Plot(Scale.over(t, room=0), in_sight(y, runs.values()), title)
         self._mark(curves, record, y, y - runs[self.best], name)
         curves.line(t, y, "measured", "measured")
         for which, run in runs.items():
@@ -84,14 +72,6 @@ class CurveDrawer:
             (label(name, unit), curves.html()),
             (label(f"error of {name}", unit), errors.html()),
         ]
-
-    def _input(self, record: int, column: int) -> tuple[str, Markup]:
-        model, rows = self.diagnosis.model, self._rows(record)
-        windows, name = self.diagnosis.records_.windows, list(model.inputs)[column]
-        t, u = windows.t[rows], windows.u[rows, column]
-        plot = Plot(Scale.over(t, room=0), Scale.over(u), f"input {name}", "low")
-        plot.line(t, u, "input", name)
-        return label(name, model.unit(name)), plot.html()
 
     def _mark(self, plot: Plot, record: int, y, error, name: str) -> None:
         """Shade every second window, and mark gaps and samples that lie far off."""
@@ -109,7 +89,7 @@ class CurveDrawer:
             plot.points(t[rows][alone], y[alone], "outlier", "a single sample that lies far off")
 
 
-def curve_sections(diagnosis) -> tuple[Curves, Curves, list[Curves]]:
+def curve_sections(diagnosis) -> tuple[dict, dict, list[dict]]:
     """Return the curves of a typical record in free run and over windows, then all others."""
     records, drawn = diagnosis.records_, shown_models(diagnosis)
     windowed = {which: records.windows.y - records.fits[which].residual for which in drawn}
@@ -126,7 +106,14 @@ def keys(diagnosis) -> list[tuple[str, str]]:
     return [("measured", "measured"), *others, (f"{best} best", said)]
 
 
-def _in_sight(known, curves) -> Scale:
+def input_plot(t, u, name: str, unit: str) -> tuple[str, Markup]:
+    """Return the name of an input with its unit, and its plot."""
+    plot = Plot(Scale.over(t, room=0), Scale.over(u), f"input {name}", "low")
+    plot.line(t, u, "input", name)
+    return label(name, unit), plot.html()
+
+
+def in_sight(known, curves) -> Scale:
     """Return an axis on which a diverging model does not hide the rest."""
     if not np.isfinite(known).any():  # this record lacks the output
         return Scale.over(*curves)

@@ -1,6 +1,6 @@
 """The evidence in a report: characteristics of causes, maps and tests of what is left."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from markupsafe import Markup
@@ -9,7 +9,7 @@ from scipy.stats import norm
 from sklearn_pgnn.inspection.absorbed_noise import expected_autocorrelation
 from sklearn_pgnn.inspection.case import Case, Samples, make_case, missing_rate_of
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.display import binned_median, limits
+from sklearn_pgnn.inspection.display import binned_median, known_points, limits
 from sklearn_pgnn.inspection.evidence import (
     Evidence,
     Line,
@@ -25,7 +25,6 @@ from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import symbol, to_text
-from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import is_effort
 from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states
@@ -34,23 +33,7 @@ from sklearn_pgnn.physics.shown_states import shown_states
 CLOUD = 1500
 
 
-@dataclass(frozen=True)
-class Characteristic:
-    """A characteristic as it is drawn.
-
-    `keys` are class and name of everything that is drawn.
-    """
-
-    name: str
-    title: str
-    x_label: str
-    y_label: str
-    note: str
-    keys: tuple[tuple[str, str], ...]
-    plot: Markup
-
-
-def characteristics(diagnosis, members: dict[int, list[Member]]) -> list[Characteristic]:
+def characteristics(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
     """Return the characteristics of the causes, and of what no cause explains."""
     drawn = []
     for place, cause in enumerate(diagnosis.causes_):
@@ -76,113 +59,69 @@ def _beside(evidence: Evidence, case: Case, rival: Member) -> list[Line]:
     return [replace(other.lines[-1], whose="rival", label=rival.name)]
 
 
-def _draw(name: str, evidence: Evidence, beside: list[Line]) -> Characteristic:
+def _draw(name: str, evidence: Evidence, beside: list[Line]) -> dict:
+    """Return a characteristic as it is drawn; its legend has class and name of everything."""
     lines = [*beside, *evidence.lines]
-    x_values = [line.x for line in evidence.lines]
-    y_values = [line.y for line in lines]
-    keys: list[tuple[str, str]] = [(line.whose, line.label) for line in lines]
+    legend = [(line.whose, line.label) for line in lines]
+    x_values, y_values = [line.x for line in evidence.lines], [line.y for line in lines]
     if evidence.points is not None:
-        x, y = (np.asarray(part, dtype=float) for part in evidence.points)
-        good = np.isfinite(x) & np.isfinite(y)
-        x, y = x[good], y[good]
+        x, y = known_points(*evidence.points)
         x_values.append(x)
         y_values = [np.array(limits(y, lines))]
     plot = Plot(Scale.over(*x_values, room=0.02), Scale.over(*y_values, room=0.02), evidence.title)
     if evidence.points is not None:
         few = slice(None, None, max(1, x.size // CLOUD))
         plot.points(x[few], y[few], "cloud", "records")
-        keys.insert(0, ("cloud", "records"))
+        legend.insert(0, ("cloud", "records"))
     for line in lines:
         plot.line(line.x, line.y, line.whose, line.label)
     if evidence.points is not None and np.any(np.diff(x) <= 0):
-        centres, medians = binned_median(x, y)
-        plot.points(centres, medians, "median", "their median")
-        keys.append(("median", "their median"))
-    return Characteristic(
-        name,
-        evidence.title,
-        evidence.x_label,
-        evidence.y_label,
-        evidence.note,
-        tuple(keys),
-        plot.html(),
-    )
+        plot.points(*binned_median(x, y), "median", "their median")
+        legend.append(("median", "their median"))
+    return {
+        "name": name,
+        "title": evidence.title,
+        "x_label": evidence.x_label,
+        "y_label": evidence.y_label,
+        "note": evidence.note,
+        "legend": legend,
+        "plot": plot.html(),
+    }
 
 
+#: what a map shows first
+SHOWN = "as the records show it"
 #: cells of a side, samples that a cell needs, and shades of a colour
 CELLS, LEAST, SHADES = 34, 3, 8
 
 
-@dataclass(frozen=True)
-class Panel:
-    """A map.
-
-    `scale` is what the full colours stand for.
-    """
-
-    title: str
-    scale: str
-    plot: Markup
-
-
-@dataclass(frozen=True)
-class Maps:
-    """Maps over the same two quantities.
-
-    The panels are as the records show it, and with a formula what that says, and what is left over.
-    """
-
-    title: str
-    x_label: str
-    y_label: str
-    panels: tuple[Panel, ...]
-
-
-def residual_maps(diagnosis, formula: FoundFormula | None) -> list[Maps]:
+def residual_maps(diagnosis, formula: FoundFormula | None) -> list[dict]:
     """Return the maps of what is missing."""
     if formula is not None:
         return [_of_formula(diagnosis, formula)]
-    model, records = diagnosis.extended_model_, diagnosis.records_
-    samples = Samples.of(records, model, model)
-    ports = _seen_ports(diagnosis.model)
-    if ports:
-        return [_of_port(diagnosis, samples, name) for name in ports]
-    residual = records.fits["extended"].residual
+    prior, model, records = diagnosis.model, diagnosis.extended_model_, diagnosis.records_
+    samples, residual = Samples.of(records, model, model), records.fits["extended"].residual
+    seen, positions = shown_states(prior), set(prior.kinematic_pairs.values())
+    flows = {name: {*map(str, port.flow.free_symbols)} for name, port in prior.ports.items()}
+    at = [n for n, flow in flows.items() if flow & {*prior.states} <= seen and n not in positions]
+    if at:
+        return [_of_port(diagnosis, samples, name) for name in at]
     return [
-        _maps(
-            diagnosis,
-            samples,
-            f"Error of {output}",
-            diagnosis.model.unit(output),
-            output,
-            [("as the records show it", residual[:, i])],
-        )
-        for i, output in enumerate(diagnosis.model.outputs)
+        _maps(diagnosis, samples, f"Error of {o}", prior.unit(o), o, [(SHOWN, residual[:, i])])
+        for i, o in enumerate(prior.outputs)
     ]
 
 
-def _of_formula(diagnosis, formula: FoundFormula) -> Maps:
+def _of_formula(diagnosis, formula: FoundFormula) -> dict:
     target, samples, left = formula.part.target, formula.samples, formula.part.left
     said = said_by_formula(diagnosis)
-    panels = [
-        ("as the records show it", said + left),
-        ("what the formula says", said),
-        ("left over", left),
-    ]
+    panels = [(SHOWN, said + left), ("what the formula says", said), ("left over", left)]
     is_rate = target in formula.model.states and not is_effort(formula.model, target)
     title = f"Missing in {target}" + ("'" if is_rate else "")
     return _maps(diagnosis, samples, title, formula.unit, target, panels)
 
 
-def _seen_ports(model: PhysicsModel) -> list[str]:
-    """Return the places at which what is missing can be taken from the records."""
-    seen, positions = shown_states(model), set(model.kinematic_pairs.values())
-    flows = {name: set(map(str, port.flow.free_symbols)) for name, port in model.ports.items()}
-    states = set(model.states)
-    return [n for n, flow in flows.items() if flow & states <= seen and n not in positions]
-
-
-def _of_port(diagnosis, samples: Samples, name: str) -> Maps:
+def _of_port(diagnosis, samples: Samples, name: str) -> dict:
     model = diagnosis.extended_model_
     port = model.port(name)
     missing = missing_rate_of(
@@ -193,11 +132,11 @@ def _of_port(diagnosis, samples: Samples, name: str) -> Maps:
         return _maps(diagnosis, samples, f"Missing in {name}'", unit, name, panels)
     force = missing * samples.value(inertia_at(port, model))
     place = f"on {name}" if name in model.states else f"at the {name}"
-    panels = [("as the records show it", force)]
-    return _maps(diagnosis, samples, f"Force that is missing {place}", port.unit, name, panels)
+    title = f"Force that is missing {place}"
+    return _maps(diagnosis, samples, title, port.unit, name, [(SHOWN, force)])
 
 
-def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:
+def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> dict:
     over = telling_quantities(diagnosis, target)
     axes = [samples.value(symbol(name)) if name != "t" else samples.table["t"] for name in over]
     names = [label(n, "s" if n == "t" else diagnosis.extended_model_.unit(n)) for n in over]
@@ -206,11 +145,11 @@ def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:
     most = max(
         float(np.percentile(np.abs(found), 98)) if found.size else 0.0 for *_, found in cells
     )
-    drawn = tuple(
+    drawn = [
         _panel(f"{title}: {what}", what, each, grids, most, unit)
         for (what, _), each in zip(panels, cells, strict=True)
-    )
-    return Maps(title, names[0], names[1], drawn)
+    ]
+    return {"title": title, "x_label": names[0], "y_label": names[1], "panels": drawn}
 
 
 def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
@@ -219,22 +158,16 @@ def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
     known = [*model.states, *model.inputs]
     told = [] if part is None else list(part.quantities)
     told += [name for name in diagnosis.remaining_.law.depends_on if name in known]
-    own = [name for name in _quantities_at(model, target) if name in known]
+    port = model.ports.get(target)
+    at = (target,) if port is None else (port.position, to_text(port.flow))
+    own = [name for name in at if name in known]
     every = list(dict.fromkeys([*told, *own, *known, "t"]))
     first, second = every[:2]
     order = {name: place for place, name in enumerate(own)}
     return tuple(sorted((first, second), key=lambda name: order.get(name, -1)))
 
 
-def _quantities_at(model: PhysicsModel, target: str) -> tuple[str, ...]:
-    """Return the displacement and the flow at a port, else the target itself."""
-    if target not in model.ports:
-        return (target,)
-    port = model.port(target)
-    return (port.position, to_text(port.flow))
-
-
-def _panel(title: str, what: str, cells, grids, most: float, unit: str) -> Panel:
+def _panel(title: str, what: str, cells, grids, most: float, unit: str) -> dict:
     """Draw one of the maps that share a scale; what is less than half a shade stays blank."""
     (x, y), (rows, columns, found) = grids, cells
     plot = Plot(Scale(x[0], x[-1]), Scale(y[0], y[-1]), title, "map")
@@ -247,7 +180,7 @@ def _panel(title: str, what: str, cells, grids, most: float, unit: str) -> Panel
                 corners = x[columns[chosen]], y[rows[chosen]]
                 plot.cells(*corners, x[1] - x[0], y[1] - y[0], css, level / SHADES)
     said = label(f"±{number(most, 2)}", unit).replace("[", "").replace("]", "").replace(" -", "")
-    return Panel(what, said, plot.html())
+    return {"title": what, "scale": said, "plot": plot.html()}
 
 
 def _grid(values) -> np.ndarray:
@@ -275,16 +208,7 @@ def _cells(values, axes, x, y):
 BINS, REACH = 41, 4.0
 
 
-@dataclass(frozen=True)
-class ResidualTest:
-    """A picture of the residuals of an output."""
-
-    title: str
-    x_label: str
-    plot: Markup
-
-
-def residual_tests(diagnosis) -> dict[str, list[ResidualTest]]:
+def residual_tests(diagnosis) -> dict[str, list[dict]]:
     """Return by output the autocorrelation, the correlation with every input, and the histogram.
 
     They are those of what the model with all that was found leaves over windows.
@@ -303,26 +227,22 @@ def residual_tests(diagnosis) -> dict[str, list[ResidualTest]]:
     return found
 
 
-def _tests(display: ResidualDisplay, residual, output: str) -> list[ResidualTest]:
-    title = f"autocorrelation of what is left of {output}"
-    later = display.lags_ > 0
+def _tests(display: ResidualDisplay, residual, output: str) -> list[dict]:
+    later, lag = display.lags_ > 0, "lag [samples]"
     auto = _stems(
         display,
         display.autocorrelation_[later],
-        title,
+        f"autocorrelation of what is left of {output}",
         display.lags_[later],
         display.expected_[later],
     )
-    lag = "lag [samples]"
-    tests = [ResidualTest("Autocorrelation", lag, auto)]
+    tests = [("Autocorrelation", lag, auto)]
     for name, values in display.cross_correlation_.items():
         title = f"correlation of what is left of {output} with {name}"
         plot = _stems(display, values, title, display.lags_, np.zeros(values.size))
-        tests.append(ResidualTest(f"Cross-correlation with {name}", lag, plot))
-    return [
-        *tests,
-        ResidualTest("Histogram", "in standard deviations", _histogram(residual, output)),
-    ]
+        tests.append((f"Cross-correlation with {name}", lag, plot))
+    tests.append(("Histogram", "in standard deviations", _histogram(residual, output)))
+    return [dict(zip(("title", "x_label", "plot"), test, strict=True)) for test in tests]
 
 
 def _stems(display: ResidualDisplay, values, label: str, lags, expected) -> Markup:

@@ -49,36 +49,8 @@ def parameter_facts(diagnosis) -> ParameterFacts:
     )
 
 
-@dataclass(frozen=True)
-class ParameterRow:
-    """A parameter of the prior.
-
-    `state` is what is to be said of it, `css` whether it changed or is to be looked at; its strip
-    is empty where it cannot be drawn.
-    """
-
-    name: str
-    prior: str
-    value: str
-    change: str
-    state: str
-    css: str
-    picture: Markup
-
-
-@dataclass(frozen=True)
-class Forest:
-    """The parameters.
-
-    The axis is in percent of the given value.
-    """
-
-    rows: list[ParameterRow]
-    ticks: Markup
-
-
-def forest(diagnosis) -> Forest:
-    """Return the parameters of a diagnosis as rows with strips."""
+def forest(diagnosis) -> dict:
+    """Return the parameters of a diagnosis as rows with strips, in percent of the given value."""
     facts, found = parameter_facts(diagnosis), diagnosis.parameters_
     freedoms = {f.name: f for f in diagnosis.records_.fits[diagnosis.records_.best].freedoms}
     moves = [
@@ -91,24 +63,34 @@ def forest(diagnosis) -> Forest:
     reach = 1.1 * max([1e-3, *map(abs, moves)])
     scale = Scale(-reach, reach)
     rows = [_row(scale, name, p, freedoms.get(name), facts) for name, p in found.items()]
-    return Forest(rows, scale_text(scale))
+    return {"rows": rows, "ticks": scale_text(scale)}
 
 
-def _row(scale: Scale, name: str, p, freedom, facts: ParameterFacts) -> ParameterRow:
-    change = f"{round(100 * (p.value / p.prior - 1), 1) or 0.0:+.1f} %" if p.prior else "-"
+def _row(scale: Scale, name: str, p, freedom, facts: ParameterFacts) -> dict:
     state, css = _state(name, facts)
-    value = measured(p.value, p.low, p.high, typeset_unit(p.unit))
-    picture = _strip(scale, name, p, freedom, css) if p.prior else Markup("")
-    return ParameterRow(name, number(p.prior), value, change, state, css, picture)
+    change = f"{round(100 * (p.value / p.prior - 1), 1) or 0.0:+.1f} %" if p.prior else "-"
+    return {
+        "name": name,
+        "prior": number(p.prior),
+        "value": measured(p.value, p.low, p.high, typeset_unit(p.unit)),
+        "change": change,
+        "state": state,
+        "css": css,
+        "picture": _strip(scale, name, p, freedom, css) if p.prior else "",
+    }
 
 
 def _state(name: str, facts: ParameterFacts) -> tuple[str, str]:
-    said = [
-        ("at its limit", name in facts.at_limit),
-        ("held: the records do not fix it", name in facts.held),
-        ("open: the records do not fix it", name in facts.open),
+    """Return what is to be said of a parameter, and whether it changed or is to be looked at."""
+    look = [
+        text
+        for text, names in (
+            ("at its limit", facts.at_limit),
+            ("held: the records do not fix it", facts.held),
+            ("open: the records do not fix it", facts.open),
+        )
+        if name in names
     ]
-    look = [text for text, holds in said if holds]
     if look:
         return "; ".join(look), "look"
     return ("changed", "changed") if name in facts.changed else ("not significantly", "")
@@ -134,33 +116,11 @@ def _strip(scale: Scale, name: str, p, freedom, css: str) -> Markup:
 TIGHT, SHADES = 0.9, 5
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A correlation as it is shown.
-
-    The text is empty above the diagonal's place.
-    """
-
-    text: str
-    css: str
-
-
-@dataclass(frozen=True)
-class Correlation:
-    """The correlations of the parameters.
-
-    `rows` are the lower triangle, and `tight` the pairs that hide each other, in words.
-    """
-
-    names: list[str]
-    rows: list[tuple[str, list[Cell]]]
-    tight: list[str]
-
-
-def correlation(diagnosis) -> Correlation | None:
+def correlation(diagnosis) -> dict | None:
     """Return the correlations of the parameters, a formula's coefficients among them.
 
-    None where there are less than two.
+    The rows are the lower triangle, and the tight pairs, in words, hide each other; None where
+    there are less than two parameters.
     """
     fit = fitted_again(diagnosis)
     names = [freedom.name for freedom in fit.freedoms]
@@ -176,7 +136,7 @@ def correlation(diagnosis) -> Correlation | None:
         for j in range(i)
         if abs(found[i, j]) > TIGHT
     ]
-    return Correlation(names[:-1], rows, tight)
+    return {"names": names[:-1], "rows": rows, "tight": tight}
 
 
 def fitted_again(diagnosis) -> WindowFit:
@@ -188,12 +148,12 @@ def fitted_again(diagnosis) -> WindowFit:
     return fit_windows(best.model, records.windows, best.freedoms, *expected, **options)
 
 
-def _cell(value: float) -> Cell:
+def _cell(value: float) -> dict[str, str]:
     if not math.isfinite(value):
-        return Cell("-", "")
+        return {"text": "-", "css": ""}
     shade = min(int(SHADES * abs(value)), SHADES - 1)
     sign = "with" if value > 0 else "against"
-    return Cell(_signed(value), f"{sign} shade-{shade}" if shade else "")
+    return {"text": _signed(value), "css": f"{sign} shade-{shade}" if shade else ""}
 
 
 def _signed(value: float) -> str:

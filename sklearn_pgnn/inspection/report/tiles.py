@@ -61,26 +61,8 @@ def parts_of_error(diagnosis) -> list[Part]:
     return parts
 
 
-@dataclass(frozen=True)
-class Segment:
-    """A part as it is drawn.
-
-    Where it begins and how wide it is, are in percent of the whole.
-    """
-
-    part: Part
-    start: str
-    width: str
-    text: str
-
-    @property
-    def css(self) -> str:
-        """What its colour is called."""
-        return "left-over" if self.part.kind == "left" else self.part.kind
-
-
-def segments_of_bar(diagnosis) -> list[Segment]:
-    """Return the bar of the parts; empty where an error is not finite."""
+def segments_of_bar(diagnosis) -> list[dict]:
+    """Return the bar of the parts, in percent of the whole; empty where an error is not finite."""
     parts = parts_of_error(diagnosis)
     whole = sum(part.size for part in parts)
     if not (math.isfinite(whole) and whole > 0):
@@ -88,7 +70,9 @@ def segments_of_bar(diagnosis) -> list[Segment]:
     segments, start = [], 0.0
     for part in parts:
         width = 100.0 * part.size / whole
-        segments.append(Segment(part, f"{start:.2f}", f"{width:.2f}", _said(part)))
+        css = "left-over" if part.kind == "left" else part.kind
+        place = {"start": f"{start:.2f}", "width": f"{width:.2f}"}
+        segments.append({"size": part.size, "css": css, "text": _said(part), **place})
         start += width
     return segments
 

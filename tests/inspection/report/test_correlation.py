@@ -25,10 +25,10 @@ def test_the_matrix_has_every_parameter_and_the_report_shows_it(name):
 @pytest.mark.slow
 def test_the_correlations_are_within_bounds_and_pairs_beyond_the_bound_are_named():
     found = correlation(situation("named"))
-    values = [float(cell.text.replace("−", "-")) for _, cells in found.rows for cell in cells]
-    assert len(values) == len(found.names) * (len(found.names) + 1) // 2
+    values = [float(cell["text"].replace("−", "-")) for _, cells in found["rows"] for cell in cells]
+    assert len(values) == len(found["names"]) * (len(found["names"]) + 1) // 2
     assert all(abs(value) <= 1 for value in values)
-    assert len(found.tight) == sum(abs(value) > 0.9 for value in values)
+    assert len(found["tight"]) == sum(abs(value) > 0.9 for value in values)
 
 
 def test_a_script_makes_parts_large_and_the_policy_allows_that_one_only():

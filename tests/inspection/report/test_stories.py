@@ -81,7 +81,7 @@ def test_a_map_shows_where_a_hidden_catch_acts():
     diagnosis = ModelDiagnosis(cart, catalogue=catalogue).fit(np.column_stack([t, F]), y)
     assert telling_quantities(diagnosis, "v") == ("x", "v")
     maps = residual_maps(diagnosis, None)
-    assert maps[0].title == "Force that is missing on v"
+    assert maps[0]["title"] == "Force that is missing on v"
     assert "missing on v" in render_report(diagnosis)
 
 
