@@ -25,11 +25,7 @@ def run_demo(
     as_json: bool = False,
     opens: bool = False,
 ) -> None:
-    """Write the model file and the records, diagnose them, and report the findings.
-
-    The input goes to the folder ``input`` of the output. `n_jobs` is the number of threads, and of
-    processes where these pay; with `as_json` ``diagnosis.json`` is printed in place of words.
-    """
+    """Write the model file and the records to ``input``, diagnose them, and report the findings."""
     check_free(Path(output), NAMES, force=force)
     place, words = Path(output) / "input", not (quiet or as_json)
     with show_progress(quiet) as progress:

@@ -25,12 +25,7 @@ HIDES = (
 
 
 class DetectJob:
-    """The detectability of effects in files of records.
-
-    `power` is the probability with which an effect should be named; for the words of `noise`,
-    `catalogue`, `exclude` and `targets` see `sklearn_pgnn.cli.inputs`. The sample time [s] is that
-    of files without a time; `options` are those of `ModelDiagnosis`.
-    """
+    """The detectability of effects in files of records; `options` are those of `ModelDiagnosis`."""
 
     def __init__(
         self, model, data, *, power, noise, catalogue, exclude, targets, sample_time=None, **options

@@ -18,12 +18,7 @@ from sklearn_pgnn.trajectories import read_records
 
 
 class FitJob:
-    """A model file fitted to files of records.
-
-    The error of the free run is minimised, or that over windows. `free` are parameters to fit, all
-    that are not fixed if there are none; the sample time [s] is that of files without a time;
-    `options` are those of `PhysicsModelRegressor`.
-    """
+    """A model file fitted to files of records; `options` are those of `PhysicsModelRegressor`."""
 
     def __init__(self, model, data, *, free_run, free, noise, sample_time=None, **options):
         self.source = model

@@ -124,10 +124,7 @@ def _reader(pattern: str | None) -> Callable[[Path], str | None]:
 
 
 def print_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
-    """Print the findings on a fleet.
-
-    `output` is the location of its report; with `quiet` the count of every verdict only is printed.
-    """
+    """Print the findings on a fleet; with `quiet` only how often every verdict came."""
     report = Path(output, REPORT)
     if as_json:
         click.echo(as_strict_json(fleet.to_dict()), nl=False)

@@ -25,10 +25,7 @@ class Unusable(click.ClickException):
 
 
 class Bug(click.ClickException):
-    """A bug of the package: one line on stderr.
-
-    `kept` is a sentence on the findings that are kept in spite of it; with one the exit code is 3.
-    """
+    """A bug of the package: one line on stderr, with what is kept in spite of it, if anything."""
 
     exit_code = 1
 
@@ -58,10 +55,7 @@ def one_line(text: object) -> str:
 
 @contextmanager
 def guarded(debug: bool):
-    """Turn errors into one line and an exit code, and signals into an orderly end.
-
-    With `debug` the traceback is printed as well.
-    """
+    """Turn errors into one line and an exit code, and signals into an orderly end."""
     with stoppable():
         try:
             yield

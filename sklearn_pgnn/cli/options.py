@@ -52,10 +52,7 @@ SYSTEMS = {
 
 
 def make_system(name: str):
-    """Return a ready system.
-
-    Its name is a key of `SYSTEMS`.
-    """
+    """Return a ready system by its key in `SYSTEMS`."""
     from sklearn_pgnn import systems  # loads sympy, which most commands' help does without
 
     return getattr(systems, name.replace("-", "_"))()

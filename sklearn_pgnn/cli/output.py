@@ -36,10 +36,7 @@ def refuse_existing(path, *, force: bool) -> None:
 
 
 def write_file(path, text: str, *, force: bool) -> None:
-    """Write a file completely or not at all.
-
-    Only with `force` an existing one is replaced.
-    """
+    """Write a file completely or not at all; only with `force` one is replaced."""
     refuse_existing(path, force=force)
     with held(), writing(path):
         remove_leftovers(Path(path).absolute().parent)

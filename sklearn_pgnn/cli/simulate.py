@@ -53,10 +53,7 @@ def to_csv(rows: pd.DataFrame) -> str:
 
 
 def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
-    """Print the fit to the records, and the location of the simulation.
-
-    The fits [%] are by record.
-    """
+    """Print the fit [%] to the records, by record, and the location of the simulation."""
     if quiet:
         return
     console = screen()

@@ -323,13 +323,12 @@ def _as_jobs(records) -> dict[str, tuple | list[str]]:
 
 
 def _as_job(name: str, item) -> tuple | list[str]:
-    if isinstance(item, str | os.PathLike):
-        return [os.fspath(item)]
-    if isinstance(item, list | tuple) and item:
-        if all(isinstance(path, str | os.PathLike) for path in item):
-            return [os.fspath(path) for path in item]
-        if len(item) == 2:
-            return tuple(item)
+    several = [item] if isinstance(item, str | os.PathLike) else item
+    if isinstance(several, list | tuple) and several:
+        if all(isinstance(path, str | os.PathLike) for path in several):
+            return [os.fspath(path) for path in several]
+        if len(several) == 2:
+            return tuple(several)
     raise RecordError(
         f"machine {name!r}: expected a pair (X, y), a file or a list of files, got {item!r:.60}."
     )

@@ -12,7 +12,9 @@ CHANGE = ["machine", "kind", "what", "sure"]
 
 def machines_frame(fleet) -> pd.DataFrame:
     """Return the machines, one row each."""
-    changes = _changes_by_machine(fleet)
+    changes: dict[str, list[str]] = {}
+    for change in fleet.changes_:
+        changes.setdefault(change.machine, []).append(change.what)
     rows = [
         {
             "machine": name,
@@ -61,15 +63,9 @@ def changes_frame(fleet) -> pd.DataFrame:
 
 def fleet_dict(fleet) -> dict:
     """Return the results of the fleet as plain data."""
+    told = ("unit", "prior", "usual", "spread", "shared")
     parameters = {
-        name: {
-            "unit": spread.unit,
-            "prior": spread.prior,
-            "usual": spread.usual,
-            "spread": spread.spread,
-            "shared": spread.shared,
-            "odd": dict(spread.odd),
-        }
+        name: {key: getattr(spread, key) for key in told} | {"odd": dict(spread.odd)}
         for name, spread in fleet.parameters_.items()
     }
     return finite(
@@ -82,10 +78,3 @@ def fleet_dict(fleet) -> dict:
             "missing": list(fleet.missing_),
         }
     )
-
-
-def _changes_by_machine(fleet) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for change in fleet.changes_:
-        found.setdefault(change.machine, []).append(change.what)
-    return found

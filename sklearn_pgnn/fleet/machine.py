@@ -152,11 +152,11 @@ def common_causes(machines: Iterable[Machine]) -> tuple[FleetCause, ...]:
     causes = []
     for pair in pairs:
         named = tuple(m.name for m in told if pair in m.named)
-        rivals = tuple(m.name for m in told if pair not in m.named and _may_have(m, pair))
+        rivals = tuple(
+            m.name
+            for m in told
+            if pair not in m.named and any(pair in alike for alike in m.alike.values())
+        )
         share = binomtest(len(named), len(told)).proportion_ci(method="wilson")
         causes.append(FleetCause(*pair, named, rivals, float(share.low), float(share.high)))
     return tuple(sorted(causes, key=lambda cause: -len(cause.machines)))
-
-
-def _may_have(machine: Machine, pair: Candidate) -> bool:
-    return any(pair in alike for alike in machine.alike.values())

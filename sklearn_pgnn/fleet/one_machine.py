@@ -44,11 +44,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Job:
-    """The task to run for every machine.
-
-    The options are those of `ModelDiagnosis`, and the sample time [s] is that of files without a
-    time; `with_page` is whether a report is written.
-    """
+    """The task to run for every machine; `with_page` is whether a report is written."""
 
     model: PhysicsModel
     options: Mapping[str, Any]
@@ -56,10 +52,7 @@ class Job:
     with_page: bool
 
     def run(self, name: str, records) -> Outcome:
-        """Diagnose a machine; an error ends this machine only.
-
-        The records are a tuple of (X, y), or a list of files.
-        """
+        """Diagnose a machine by its (X, y) or its files; an error ends this machine only."""
         end_with_parent()
         began = time.process_time()
         with warnings.catch_warnings(record=True) as told:

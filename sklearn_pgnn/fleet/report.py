@@ -32,15 +32,11 @@ HEADERS = ("Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the 
 
 
 def render_fleet(fleet, folder: Path) -> str:
-    """Return the report of a fleet as HTML.
-
-    It loads nothing else. The folder is where it will be written; existing reports of machines
-    there are linked.
-    """
+    """Return the report of a fleet as HTML, which links the machines' reports in its folder."""
     machines = list(fleet.machines_.values())
     style = style_sheet() + _source("fleet.css")
     content = {
-        "title": f"{fleet.model.name}: {_count(len(machines), 'machine')}",
+        "title": f"{fleet.model.name}: {len(machines)} machine{'s' * (len(machines) != 1)}",
         "style": style,
         "style_digest": digest(style),
         "tiles": _tiles(machines),
@@ -60,11 +56,12 @@ def _source(name: str) -> str:
 
 def _tiles(machines: list[Machine]) -> list[dict]:
     counts = Counter(machine.said for machine in machines)
-    return [
-        {"css": COLOUR.get(said, "look"), "said": said, "count": counts[said]}
-        for said in SAID
-        if counts[said]
-    ]
+    told = (said for said in SAID if counts[said])
+    return [{"css": _colour(said), "said": said, "count": counts[said]} for said in told]
+
+
+def _colour(said: str) -> str:
+    return COLOUR.get(said, "look")
 
 
 def _changes(fleet) -> list[dict] | None:
@@ -76,7 +73,7 @@ def _changes(fleet) -> list[dict] | None:
     ]
     told += [(name, "is new", "") for name in fleet.new_]
     told += [(name, "is no longer among the records", "") for name in fleet.missing_]
-    return [dict(zip(("machine", "what", "sure"), row, strict=True)) for row in told]
+    return [{"machine": machine, "what": what, "sure": sure} for machine, what, sure in told]
 
 
 # -- a row a machine -------------------------------------------------------------------------------
@@ -89,7 +86,7 @@ def _row(machine: Machine, fleet, folder: Path) -> dict:
     return {
         "name": machine.name,
         "page": quote(page.relative_to(folder).as_posix()) if told else "",
-        "css": COLOUR.get(machine.said, "look"),
+        "css": _colour(machine.said),
         "said": machine.said,
         "causes": _named(machine) or ([machine.failed] if machine.failed else []),
         "sure": chance(machine.sure or None) if machine.named else "",
@@ -172,7 +169,3 @@ def _strip(spread: ParameterSpread, scale: Scale, values: np.ndarray) -> Markup:
         told = f"{name}: {measured(*spread.values[name], typeset_unit(spread.unit))}"
         shapes.append(dot(float(places[name]), css, told))
     return strip(spread.name, shapes)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -29,10 +29,7 @@ SPAN_SHARE = 0.04
 
 @dataclass(frozen=True)
 class Samples:
-    """A model and the value of its quantities at every sample of the records.
-
-    The table has time, states, inputs as they act and parameters by name.
-    """
+    """A model, and by name the time, states, acting inputs and parameters at every sample."""
 
     records: DiagnosisRecords
     model: PhysicsModel
@@ -40,10 +37,7 @@ class Samples:
 
     @classmethod
     def of(cls, records: DiagnosisRecords, model: PhysicsModel, states_of: PhysicsModel):
-        """Take states and inputs from the records, and unobserved states from a simulation.
-
-        `states_of` is the extended model, whose simulation fills those states.
-        """
+        """Take states and inputs from the records, others from a simulation of `states_of`."""
         windows = records.windows
         table: dict[str, np.ndarray | float] = {"t": windows.t, **_states(records, states_of)}
         acting = windows.acting_inputs(model)
@@ -71,7 +65,11 @@ class Samples:
         moving = [*self.records.fits[self.records.best].model.states, "t"]
         if self.records.windows.hold == "foh":
             moving += self.model.inputs
-        ends = {name: _next(self.table[name]) for name in moving if name in self.table}
+        ends = {
+            name: np.append(self.table[name][1:], self.table[name][-1])
+            for name in moving
+            if name in self.table
+        }
         both = self.value(expression, **other) + self.value(expression, **ends, **other)
         return self._by_record(both / 2, _mean)
 
@@ -82,11 +80,6 @@ class Samples:
             if b - a > 2 * m + 1:
                 out[a + m : b - m] = function(windows.t[a:b], values[a:b], m)
         return out
-
-
-def _next(values):
-    """Return the value at the end of every sample's interval."""
-    return np.append(values[1:], values[-1])
 
 
 def _slope(t, x, m):
@@ -117,10 +110,7 @@ def starts(records: DiagnosisRecords, model: PhysicsModel) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Case:
-    """A cause, the model with all that was found and without this cause, and the records.
-
-    `full` has all causes and the formula, and `without` all but this cause, at the same values.
-    """
+    """A cause, the models with all that was found and without this cause, and the records."""
 
     records: DiagnosisRecords
     full: PhysicsModel
@@ -145,12 +135,9 @@ class Case:
     @cached_property
     def samples(self) -> Samples:
         """The records with the parameters of both models."""
-        return self._samples(self.without)
-
-    def _samples(self, model) -> Samples:
-        found = Samples.of(self.records, model, self.full)
+        found = Samples.of(self.records, self.without, self.full)
         values = {name: p.value for name, p in self.full.parameters.items()}
-        return Samples(self.records, model, {**values, **found.table})
+        return Samples(self.records, self.without, {**values, **found.table})
 
     @property
     def seen(self) -> frozenset[str]:

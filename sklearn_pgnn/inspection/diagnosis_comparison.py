@@ -32,10 +32,7 @@ _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "
 
 @dataclass(frozen=True)
 class Quantity:
-    """A physical quantity that one or both of two diagnoses have estimated.
-
-    Each diagnosis has its value, and the ends of its 95 % interval, or None.
-    """
+    """A quantity with the value, and the ends of its 95 % interval, that each diagnosis has."""
 
     name: str
     unit: str
@@ -430,10 +427,7 @@ def _quantities(title, quantities, names) -> Table:
 
 
 def _errors(pair, names) -> list[Table]:
-    """Return the errors over windows and in free run.
-
-    Errors over windows grow with their length: those of different lengths are left out.
-    """
+    """Return the errors over windows, if of about one length, and in free run."""
     lengths = [data.get("window") for data in pair]
     free = _error_table("Error in free run (root mean square)", "free_run", pair, names)
     if _alike(lengths):

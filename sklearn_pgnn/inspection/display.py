@@ -183,13 +183,10 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
     models = ("prior", records.best)
     if kind == "windows":
         simulated = {which: (windows.y - records.fits[which].residual)[rows] for which in models}
+        how = f"restarted from the record every {number(diagnosis.window_, 3)} s"
     else:
         simulated = {which: free_runs(records, which)[record].y for which in models}
-    how = (
-        f"restarted from the record every {number(diagnosis.window_, 3)} s"
-        if kind == "windows"
-        else "free run"
-    )
+        how = "free run"
     title = f"{called(records.names[record], record, len(records.names))}, {how}"
     return Comparison(title, windows.t[rows], _outputs(diagnosis), windows.y[rows], simulated)
 
@@ -243,25 +240,24 @@ def _outputs(diagnosis) -> dict[str, str]:
 
 def draw_comparison(axes, comparison: Comparison) -> None:
     """Draw every output's curves, and its errors below them."""
+    t, known = comparison.t, comparison.measured
     for i, (name, unit) in enumerate(comparison.outputs.items()):
         curves, errors = axes[2 * i], axes[2 * i + 1]
-        _draw_curves(curves, comparison, i, label(name, unit))
-        _draw_errors(errors, comparison, i, label("error", unit))
+        if known is not None:
+            _curve(curves, t, known[:, i], "measured", 3.5)
+        for which, simulated in comparison.simulated.items():
+            _curve(curves, t, simulated[:, i], which, 1.2)
+            if known is not None:
+                _curve(errors, t, known[:, i] - simulated[:, i], which, 0.9)
+        curves.set_ylim(*_in_sight(comparison, i))
+        for panel, title in ((curves, name), (errors, "error")):
+            panel.set_ylabel(label(title, unit))
+            tidy(panel)
         errors.sharex(curves)
         curves.tick_params(labelbottom=False)
     axes[0].set_title(plain(comparison.title), fontsize=9, loc="left")
     axes[0].legend(fontsize=8, ncols=3, loc="upper right", framealpha=0.9)
     axes[-1].set_xlabel("t [s]")
-
-
-def _draw_curves(axes, comparison, i, title):
-    if comparison.measured is not None:
-        _curve(axes, comparison.t, comparison.measured[:, i], "measured", 3.5)
-    for which, simulated in comparison.simulated.items():
-        _curve(axes, comparison.t, simulated[:, i], which, 1.2)
-    axes.set_ylabel(title)
-    axes.set_ylim(*_in_sight(comparison, i))
-    tidy(axes)
 
 
 def _in_sight(comparison, i):
@@ -274,15 +270,6 @@ def _in_sight(comparison, i):
     curves = np.clip(curves[np.isfinite(curves)], low - reach, high + reach)
     low, high = curves.min(), curves.max()
     return low - 0.05 * reach, high + 0.25 * reach
-
-
-def _draw_errors(axes, comparison, i, title):
-    if comparison.measured is not None:
-        for which, simulated in comparison.simulated.items():
-            error = comparison.measured[:, i] - simulated[:, i]
-            _curve(axes, comparison.t, error, which, 0.9)
-    axes.set_ylabel(title)
-    tidy(axes)
 
 
 def _curve(axes, x, y, which, width):

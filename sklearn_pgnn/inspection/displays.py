@@ -338,9 +338,11 @@ class DetectabilityDisplay:
 
 
 def _draw_row(axes, place, row) -> None:
+    from matplotlib.colors import to_rgba
+
     sizes, powers = np.array(row.curve[1:]).T
     shares = np.abs(sizes - row.curve[0][0]) / max(abs(sizes[-1] - row.curve[0][0]), 1e-300)
-    colours = [(*_rgb(COLOURS["extended"]), 0.15 + 0.85 * power) for power in powers]
+    colours = [to_rgba(COLOURS["extended"], 0.15 + 0.85 * power) for power in powers]
     axes.plot(shares, np.full(shares.size, place), color=COLOURS["measured"], linewidth=0.6)
     axes.scatter(shares, np.full(shares.size, place), color=colours, s=14, zorder=2)
     if row.reason:
@@ -356,10 +358,6 @@ def _draw_row(axes, place, row) -> None:
         fontsize=8,
         va="center",
     )
-
-
-def _rgb(colour: str) -> tuple[float, ...]:
-    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
 
 
 def plot_detectability(detectability: Detectability, **options: Any) -> DetectabilityDisplay:

@@ -94,14 +94,12 @@ LINE = 60
 PAGE = 80
 _MINUS, _DOT = "<mo>&#x2212;</mo>", "<mo>&#xB7;</mo>"
 _OPEN, _CLOSE = '<mo stretchy="false">(</mo>', '<mo stretchy="false">)</mo>'
+_ELSE = "<mtext>else</mtext>"
 _RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
 
 
 class Printer(MathMLPresentationPrinter):
-    """Prints products with numbers and constants before what moves.
-
-    `moving` are states, inputs and the time; by default nothing is sorted.
-    """
+    """Prints products with numbers and constants before what is `moving`, such as states."""
 
     def __init__(self, moving: Collection[sympy.Symbol] = ()):
         super().__init__({"mul_symbol": "dot"})
@@ -114,7 +112,10 @@ class Printer(MathMLPresentationPrinter):
             expr = -expr
         above, below = sympy.fraction(expr)
         if below != 1:
-            row.appendChild(self._fraction(above, below))
+            fraction = self.dom.createElement("mfrac")
+            fraction.appendChild(self._print(above))
+            fraction.appendChild(self._print(below))
+            row.appendChild(fraction)
             return row
         if not expr.is_Mul:
             row.appendChild(self._print(expr))
@@ -143,18 +144,9 @@ class Printer(MathMLPresentationPrinter):
         operator.appendChild(self.dom.createTextNode(sign))
         return operator
 
-    def _fraction(self, above, below):
-        fraction = self.dom.createElement("mfrac")
-        fraction.appendChild(self._print(above))
-        fraction.appendChild(self._print(below))
-        return fraction
-
 
 def mathml_of(expression, moving: Collection[sympy.Symbol] = ()) -> str:
-    """Return an expression as MathML.
-
-    Constants are written before what is `moving`.
-    """
+    """Return an expression as MathML, constants before what is `moving`."""
     return _math(_part(Printer(moving), expression), expression)
 
 
@@ -202,7 +194,8 @@ def _cases(added, moving) -> str:
     if not cases:
         return ""
     rows = (
-        f"<mtr><mtd>{_part(printer, value)}</mtd><mtd>{_condition(printer, when)}</mtd></mtr>"
+        f"<mtr><mtd>{_part(printer, value)}</mtd>"
+        f"<mtd>{_ELSE if when == sympy.true else _part(printer, when)}</mtd></mtr>"
         for value, when in cases
     )
     table = f'<mrow><mo stretchy="true">{{</mo><mtable>{"".join(rows)}</mtable></mrow>'
@@ -220,10 +213,6 @@ def added_terms(right, before) -> list:
     return [term for term in above.as_ordered_terms() if term not in known]
 
 
-def _condition(printer: Printer, when) -> str:
-    return "<mtext>else</mtext>" if when == sympy.true else _part(printer, when)
-
-
 def _marked(body: str, is_added: bool) -> str:
     return f'<mrow class="added">{body}</mrow>' if is_added else body
 
@@ -238,9 +227,9 @@ def _math(body: str, expression) -> str:
 
 def _signed(printer: Printer, term, *, first: bool) -> str:
     """Write a term of a sum with the sign before it."""
-    minus = term.could_extract_minus_sign()
     if first:
         return _part(printer, term)
+    minus = term.could_extract_minus_sign()
     sign = "&#x2212;" if minus else "+"
     return f'<mo form="infix">{sign}</mo>{_part(printer, -term if minus else term)}'
 
@@ -282,18 +271,24 @@ class Equation:
 
 def equations_of(model: PhysicsModel, other: PhysicsModel, *, marks: bool = True) -> list[Equation]:
     """Write a model's equations, delays and those outputs that differ from another model's."""
-    writer = _Writer(model, other, marks)
-    rates = [
-        writer.equation(
-            f"{state}'",
-            sympy.Derivative(symbol(state), symbol("t")),
-            rate,
-            other.equations.get(state),
+    moving = frozenset({*map(symbol, (*model.states, *model.inputs)), TIME})
+
+    def write(name: str, left, right, before) -> Equation:
+        known = before if marks else None
+        return Equation(
+            f"{name} = {to_text(right)}",
+            equation_mathml(left, right, known, moving),
+            right != before,
+            cases_mathml(right, known, moving),
+            _numbers(right, model, other),
         )
-        for state, rate in model.equations.items()
+
+    rates = [
+        write(f"{s}'", sympy.Derivative(symbol(s), symbol("t")), rate, other.equations.get(s))
+        for s, rate in model.equations.items()
     ]
     outputs = [
-        writer.equation(output, symbol(output), shown, other.outputs.get(output))
+        write(output, symbol(output), shown, other.outputs.get(output))
         for output, shown in model.outputs.items()
         if other.outputs.get(output) != shown
     ]
@@ -304,36 +299,13 @@ def equations_of(model: PhysicsModel, other: PhysicsModel, *, marks: bool = True
     return rates + outputs + delays
 
 
-@dataclass(frozen=True)
-class _Writer:
-    model: PhysicsModel
-    other: PhysicsModel
-    marks: bool
-
-    @property
-    def moving(self) -> frozenset[sympy.Symbol]:
-        """States, inputs and the time."""
-        return frozenset({*map(symbol, (*self.model.states, *self.model.inputs)), TIME})
-
-    def equation(self, name: str, left, right, before) -> Equation:
-        """Write an equation against what its right side is in the other model, if it has it."""
-        known = before if self.marks else None
-        return Equation(
-            f"{name} = {to_text(right)}",
-            equation_mathml(left, right, known, self.moving),
-            right != before,
-            cases_mathml(right, known, self.moving),
-            self._numbers(right),
+def _numbers(right, model: PhysicsModel, other: PhysicsModel) -> tuple[Number, ...]:
+    known = model.parameters
+    return tuple(
+        Number(
+            mathml_of(symbol(name)),
+            f"{number(known[name].value)} {typeset_unit(known[name].unit)}".rstrip(),
+            name not in other.parameters,
         )
-
-    def _numbers(self, right) -> tuple[Number, ...]:
-        known = self.model.parameters
-        names = sorted(str(s) for s in right.free_symbols if str(s) in known)
-        return tuple(
-            Number(
-                mathml_of(symbol(name)),
-                f"{number(known[name].value)} {typeset_unit(known[name].unit)}".rstrip(),
-                name not in self.other.parameters,
-            )
-            for name in names
-        )
+        for name in sorted(str(s) for s in right.free_symbols if str(s) in known)
+    )

@@ -215,11 +215,8 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
 
 def _constant(quantities) -> list[str]:
     return [
-        f"{q.role} {q.name!r} is {number(q.low)} {q.unit}".rstrip()
-        + (
-            " in every sample: nothing that depends on its changes can be found. Remedy: a record "
-            "in which it changes."
-        )
+        f"{q.role} {q.name!r} is {f'{number(q.low)} {q.unit}'.rstrip()} in every sample: nothing "
+        f"that depends on its changes can be found. Remedy: a record in which it changes."
         for q in quantities
         if q.low == q.high
     ]

@@ -105,10 +105,7 @@ def effect_latex(effect) -> str | None:
 
 
 def cause_html(cause, complete: bool = True) -> str:
-    """Return a named cause as HTML: description, size, probability, and how to check it.
-
-    `complete` is whether the diagnosis compared the cause with others.
-    """
+    """Return a named cause as HTML; whether it was compared with others, `complete` says."""
     rows = [
         (name.replace("_", " "), measured(e.value, e.low, e.high, typeset_unit(e.unit)))
         for name, e in cause.parameters.items()

@@ -22,12 +22,14 @@ REMEDY = (
 
 def runaway_sentence(diagnosis) -> str:
     """Return what was expected of the model, what came, and where."""
+    windows = diagnosis.records_.windows
+    counts = np.isfinite(windows.y[windows.rows]).sum(axis=0)
+    squares = squares_without_model(windows, free_values(diagnosis.model))
+    without_model = windows.scale * np.sqrt(squares / np.maximum(counts, 1))
     came = [
         f"{number(gain.refitted, 3)} {gain.unit}".rstrip() + f" of {output} instead of less than "
         f"{number(expected, 3)}"
-        for (output, gain), expected in zip(
-            diagnosis.gain_.items(), _without_model(diagnosis), strict=True
-        )
+        for (output, gain), expected in zip(diagnosis.gain_.items(), without_model, strict=True)
     ]
     return (
         f"Nothing can be told: over windows of {number(diagnosis.window_, 3)} s the re-tuned model "
@@ -39,27 +41,30 @@ def runaway_sentence(diagnosis) -> str:
 
 
 def runaway_remedy(diagnosis) -> str:
-    """Return what to do about a model that runs away.
-
-    The first sentence is on windows of a given length.
-    """
+    """Return what to do about a model that runs away, first about windows of a given length."""
     given = "" if diagnosis.window_length is None else "Leave window_length out. "
     return f"{given}{REMEDY}"
 
 
-def _without_model(diagnosis) -> np.ndarray:
-    """Return the root mean square error that is possible without a model, of every output."""
-    windows = diagnosis.records_.windows
-    counts = np.isfinite(windows.y[windows.rows]).sum(axis=0)
-    squares = squares_without_model(windows, free_values(diagnosis.model))
-    return windows.scale * np.sqrt(squares / np.maximum(counts, 1))
-
-
 def spread_sentence(diagnosis) -> str:
     """Return which parameters lie at an end of a spread or at a bound, and what to do."""
-    retuned = _retuned(diagnosis)
-    spread, bounds = at_spread_ends(diagnosis.model, retuned), at_bounds(retuned)
-    return " ".join(filter(None, (_at_spreads(spread), _at_bounds(bounds))))
+    retuned, said = _retuned(diagnosis), []
+    if names := at_spread_ends(diagnosis.model, retuned):
+        lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
+        said.append(
+            f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: "
+            f"the named causes and the remaining error may be due to a wrong parameter value. If "
+            f"it is not known that well, give a wider spread, or spread: .inf where nothing is "
+            f"known, and diagnose again."
+        )
+    if names := at_bounds(retuned):
+        lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
+        said.append(
+            f"{listed(names)} {lies} at {bounds} of the model file: what is named and what is left "
+            f"may be due to that. If values beyond are physically possible, give wider bounds, and "
+            f"diagnose again."
+        )
+    return " ".join(said)
 
 
 def spread_remedy(diagnosis) -> str:
@@ -81,29 +86,6 @@ def _retuned(diagnosis) -> PhysicsModel:
     return diagnosis.model.with_parameters(**values)
 
 
-def _at_spreads(names) -> str:
-    if not names:
-        return ""
-    lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
-    return (
-        f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: the "
-        f"named causes and the remaining error may be due to a wrong parameter value. If it is not "
-        f"known that well, give a wider spread, or spread: .inf where nothing is known, and "
-        f"diagnose again."
-    )
-
-
-def _at_bounds(names) -> str:
-    if not names:
-        return ""
-    lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
-    return (
-        f"{listed(names)} {lies} at {bounds} of the model file: what is named and what is left may "
-        f"be due to that. If values beyond are physically possible, give wider bounds, and "
-        f"diagnose again."
-    )
-
-
 def known_sentence(diagnosis, part) -> str:
     """Return which terms of a formula have a name, and how to have it fitted; empty for none."""
     if not part.known:
@@ -114,13 +96,13 @@ def known_sentence(diagnosis, part) -> str:
     )
     which = "Its term acts" if len(part.effect.terms) == 1 else "Its terms act"
     which = which if part.has_names else "Some of its terms act"
-    tried = [each for each in part.known if _was_enough_tried(diagnosis, each)]
-    parts = (
-        f"{which} like what has a name: {said}.",
-        _in_vain(tried),
-        known_remedy(diagnosis, part),
-    )
-    return " ".join(filter(None, parts))
+    tried = (each for each in part.known if _was_enough_tried(diagnosis, each))
+    names = dict.fromkeys(cause_name(each.effect, each.target) for each in tried)
+    them, vain = "them" if len(names) > 1 else "it", ""
+    if names:
+        vain = f"The search considered {listed(names)}, but the evidence for {them} is too weak."
+    said = f"{which} like what has a name: {said}."
+    return " ".join(filter(None, (said, vain, known_remedy(diagnosis, part))))
 
 
 def known_remedy(diagnosis, part) -> str:
@@ -141,29 +123,18 @@ def _is_considered(diagnosis, known) -> bool:
     return (known.effect, known.target) in tried
 
 
-def _in_vain(known) -> str:
-    """Return which effects were considered without being named; empty if none was."""
-    if not known:
-        return ""
-    names = dict.fromkeys(cause_name(each.effect, each.target) for each in known)
-    them = "them" if len(names) > 1 else "it"
-    return f"The search considered {listed(names)}, but the evidence for {them} is too weak."
-
-
 def _remedy(diagnosis, known) -> str:
     """Return how a parameter or an effect gets into a diagnosis that could not name it."""
-    if not known.is_parameter:
-        name = cause_name(known.effect, known.target)
-        if not _is_considered(diagnosis, known):
-            return f"let the diagnosis consider {name} (catalogue, targets)"
-        how = "more causes (max_causes)" if diagnosis.complete_ else "more time (time_limit)"
-        return f"allow {how}, and {name} may be named"
-    return _remedy_of_parameter(diagnosis.model, known.target)
-
-
-def _remedy_of_parameter(model: PhysicsModel, name: str) -> str:
-    if model.parameters[name].fixed:
-        return f"let {name} be fitted (it is fixed in the model)"
-    if math.isinf(model.parameters[name].spread):
-        return f"give {name} wider bounds"
-    return f"give {name} a wider spread, or spread: .inf where nothing is known"
+    if known.is_parameter:
+        name, parameter = known.target, diagnosis.model.parameters[known.target]
+        if parameter.fixed:
+            return f"let {name} be fitted (it is fixed in the model)"
+        wider = "wider bounds"
+        if not math.isinf(parameter.spread):
+            wider = "a wider spread, or spread: .inf where nothing is known"
+        return f"give {name} {wider}"
+    name = cause_name(known.effect, known.target)
+    if not _is_considered(diagnosis, known):
+        return f"let the diagnosis consider {name} (catalogue, targets)"
+    how = "more causes (max_causes)" if diagnosis.complete_ else "more time (time_limit)"
+    return f"allow {how}, and {name} may be named"

@@ -89,11 +89,7 @@ def fit_percentage(measured, simulated) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Runs:
-    """Records, and their simulations by several models.
-
-    Times [s], inputs and outputs are by record; what is simulated, by the name of each model and by
-    record.
-    """
+    """Records, each with times [s], inputs and outputs, and their simulations by several models."""
 
     model: PhysicsModel
     names: tuple[str, ...]
@@ -104,11 +100,7 @@ class Runs:
 
 
 def run_estimators(estimator, X=None, y=None) -> Runs:
-    """Simulate or predict records in free run.
-
-    The estimator may be a mapping of names to several; a diagnosis has by default the records that
-    it was fitted on.
-    """
+    """Simulate or predict records in free run; a diagnosis has by default its own records."""
     if X is None:
         return _of_fit(estimator)
     if y is None:
@@ -116,9 +108,7 @@ def run_estimators(estimator, X=None, y=None) -> Runs:
     several = dict(estimator) if isinstance(estimator, Mapping) else {"": estimator}
     model = _model_of(next(iter(several.values())))
     records = read_records(model, X, y)
-    simulated = {}
-    for name, each in several.items():
-        simulated[name or _name_of(each)] = _run(each, X, records)
+    simulated = {name or _name_of(each): _run(each, X, records) for name, each in several.items()}
     return Runs(
         model,
         tuple(record.name for record in records),
@@ -159,7 +149,8 @@ def _run(estimator, X, records) -> tuple[np.ndarray, ...]:
 
 def _model_of(estimator) -> PhysicsModel:
     """Return the model of an estimator, a pipeline step, or the best estimator of a search."""
-    for part in _parts(estimator):
+    found = getattr(estimator, "best_estimator_", estimator)
+    for part in (found, *getattr(found, "named_steps", {}).values()):
         model = part if isinstance(part, PhysicsModel) else getattr(part, "model", None)
         if isinstance(model, PhysicsModel):
             return model
@@ -167,11 +158,6 @@ def _model_of(estimator) -> PhysicsModel:
         f"estimator: expected a PhysicsModel, or an estimator or pipeline with one as its model, "
         f"got {type(estimator).__name__}."
     )
-
-
-def _parts(estimator) -> list:
-    found = getattr(estimator, "best_estimator_", estimator)
-    return [found, *getattr(found, "named_steps", {}).values()]
 
 
 def _name_of(estimator) -> str:

@@ -79,11 +79,7 @@ def log_axis(ax) -> None:
 
 
 def panels(ax, count: int, width: float, height: float) -> np.ndarray:
-    """Return the axes to draw on.
-
-    By default they are those of a new figure of pyplot, one below the other; width and height
-    [inch] are those of the figure, and of each of its panels.
-    """
+    """Return the axes to draw on, by default those of a new figure; sizes [inch] are a panel's."""
     if ax is None:
         return shown_figure(width, height * count).subplots(count, squeeze=False)[:, 0]
     given = np.atleast_1d(np.array(ax, dtype=object)).ravel()

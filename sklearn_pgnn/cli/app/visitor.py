@@ -40,10 +40,7 @@ class RecordFile:
 
 @dataclass
 class Stages:
-    """The stages of the work in progress.
-
-    `began` is the time of its beginning, by `time.monotonic` [s].
-    """
+    """The stages of the work in progress, which `began` [s] by `time.monotonic`."""
 
     what: str
     began: float = field(default_factory=monotonic)
@@ -170,11 +167,7 @@ class Visitor:
         return sum(record.size for record in self.records)
 
     async def read_columns(self) -> None:
-        """Read the names of the files' columns, and guess their quantities.
-
-        What was seen of other files is forgotten; a chosen column is kept if the files still have
-        it.
-        """
+        """Read the names of the files' columns; guess those that were not chosen, or are gone."""
         self.looked, self.result, self.message, self.running = False, None, "", None
         self.columns = None
         if self.model is None or not self.records:

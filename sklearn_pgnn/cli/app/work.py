@@ -60,7 +60,7 @@ class Worker:
                     "-m",
                     MODULE,
                     cwd=self.folder,
-                    env=_environment(),
+                    env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
                     stdin=asyncio.subprocess.PIPE,
                     stdout=asyncio.subprocess.PIPE,
                     limit=LINE,
@@ -99,8 +99,3 @@ class Worker:
             else:
                 process.kill()
         await process.wait()
-
-
-def _environment() -> dict[str, str]:
-    """Return the environment of the process, in which Python finds what it finds here."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -20,10 +20,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 @dataclass(frozen=True)
 class Member:
-    """A cause, or what may stand in its place.
-
-    `left` is what the model with it leaves, in units of the noise.
-    """
+    """A cause, or what may stand in its place, and what it leaves in units of the noise."""
 
     name: str
     effect: Effect

@@ -56,44 +56,29 @@ def part(what: str, make: Callable[..., Any], *of: Any, without: Any) -> Any:
 
 def error_rows(diagnosis) -> list[dict]:
     """Return the errors over held-out windows and in free run, output by output."""
-    rows, shown = [], shown_models(diagnosis)
-    for output, gain in diagnosis.gain_.items():
-        for how, errors in (("held-out windows", gain), ("free run", diagnosis.free_run_[output])):
-            rows.append(
-                {
-                    "output": output,
-                    "how": how,
-                    "errors": [_error(getattr(errors, which), gain.noise) for which in shown],
-                    "noise": number(gain.noise, 3),
-                    "unit": typeset_unit(diagnosis.model.unit(output)) or "-",
-                }
-            )
-    return rows
-
-
-def _error(error: float, noise: float) -> dict:
-    said = times(ratio(error, noise))
-    return {"value": free_run_error(error), "times": "" if said == "diverges" else said}
-
-
-def smallest_rows(detectability) -> list[dict]:
-    """Return the smallest size of every effect that would have been named."""
-    if detectability is None:
-        return []
     return [
         {
-            "name": cause_name(row.effect, row.target),
-            "size": _size(row),
-            "reason": row.reason,
+            "output": output,
+            "how": how,
+            "errors": [
+                {
+                    "value": free_run_error(error),
+                    "times": times(ratio(error, gain.noise)).replace("diverges", ""),
+                }
+                for error in (getattr(errors, which) for which in shown_models(diagnosis))
+            ],
+            "noise": number(gain.noise, 3),
+            "unit": typeset_unit(diagnosis.model.unit(output)) or "-",
         }
-        for row in detectability.rows
+        for output, gain in diagnosis.gain_.items()
+        for how, errors in (("held-out windows", gain), ("free run", diagnosis.free_run_[output]))
     ]
 
 
-def _size(row) -> str:
-    if not row.smallest > 0:
-        return ""
-    return f"{row.parameter.replace('_', ' ')} {least_size(row)}"
+def _smallest(row) -> dict:
+    """Return the smallest size of an effect that would have been named."""
+    size = f"{row.parameter.replace('_', ' ')} {least_size(row)}" if row.smallest > 0 else ""
+    return {"name": cause_name(row.effect, row.target), "size": size, "reason": row.reason}
 
 
 def report_content(diagnosis, provenance: Provenance, detectability=None) -> dict:
@@ -101,10 +86,13 @@ def report_content(diagnosis, provenance: Provenance, detectability=None) -> dic
     formula = None if diagnosis.discrepancy_ is None else FoundFormula(diagnosis)
     return {
         **_top(diagnosis),
-        **_source(diagnosis, provenance),
+        "provenance": provenance,
+        "records": _records(diagnosis),
+        "versions": versions(),
+        "date": provenance.date or date.today().isoformat(),
         **_story(diagnosis, formula),
         **_appendix(diagnosis),
-        "smallest": smallest_rows(detectability),
+        "smallest": [] if detectability is None else list(map(_smallest, detectability.rows)),
         "power": "" if detectability is None else f"{100 * detectability.power:.0f}",
     }
 
@@ -122,15 +110,6 @@ def _top(diagnosis) -> dict:
         "bar": segments_of_bar(diagnosis),
         "next_step": next_step(diagnosis),
         "data_quality": diagnosis.data_quality_,
-    }
-
-
-def _source(diagnosis, provenance: Provenance) -> dict:
-    return {
-        "provenance": provenance,
-        "records": _records(diagnosis),
-        "versions": versions(),
-        "date": provenance.date or date.today().isoformat(),
     }
 
 

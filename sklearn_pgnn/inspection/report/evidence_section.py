@@ -209,10 +209,7 @@ BINS, REACH = 41, 4.0
 
 
 def residual_tests(diagnosis) -> dict[str, list[dict]]:
-    """Return by output the autocorrelation, the correlation with every input, and the histogram.
-
-    They are those of what the model with all that was found leaves over windows.
-    """
+    """Return by output the tests of what the model with all that was found leaves over windows."""
     records = diagnosis.records_
     windows = records.windows
     fit = records.fits[records.best]

@@ -61,10 +61,6 @@ def _nothing_found(diagnosis) -> str:
     return f"no cause of the catalogue; {left} the noise is left"
 
 
-def _predicts_nothing(diagnosis) -> str:
-    return "nothing can be told, the model predicts no better than carrying on"
-
-
 def _so_far(diagnosis) -> str:
     if not diagnosis.causes_:
         return "something is missing, and the search ended before it was found"
@@ -113,7 +109,9 @@ _FOUND = {
     "ambiguous": _ambiguous,
     "unexplained": _unexplained,
     "provisional": _so_far,
-    "predicts_nothing": _predicts_nothing,
+    "predicts_nothing": lambda _: (
+        "nothing can be told, the model predicts no better than carrying on"
+    ),
     "nothing_found": _nothing_found,
     "model_adequate": _adequate,
 }
@@ -159,23 +157,12 @@ def _separate(diagnosis) -> str:
         return _check(diagnosis)
     if found[0].separable:
         return separation_sentence(found[0])
-    checks = _checks(diagnosis, next(c for c in diagnosis.causes_ if c.confused_with))
-    return f"{separation_sentence(found[0])} Check each on the rig: {checks}"
-
-
-def _checks(diagnosis, cause) -> str:
-    """Return how a cause and its rivals are checked on the rig."""
+    cause = next(c for c in diagnosis.causes_ if c.confused_with)
     known, model = known_effects(diagnosis), diagnosis.model
     others = (known[rival.effect](rival.target) for rival in cause.confused_with)
     every = (cause.check, *(worded_for(model, other)[1] for other in others))
-    return " ".join(dict.fromkeys(check for check in every if check))
-
-
-def _watch(diagnosis) -> str:
-    return (
-        "See the residual maps, and look for disturbances of the machine or its sensors there. "
-        "Record one more quantity, and diagnose again."
-    )
+    checks = " ".join(dict.fromkeys(check for check in every if check))
+    return f"{separation_sentence(found[0])} Check each on the rig: {checks}"
 
 
 def _use(diagnosis) -> str:
@@ -205,6 +192,9 @@ _BY_VERDICT = {
     "cause_named": _check,
     "ambiguous": _separate,
     "unexplained": _look,
-    "nothing_found": _watch,
+    "nothing_found": lambda _: (
+        "See the residual maps, and look for disturbances of the machine or its sensors there. "
+        "Record one more quantity, and diagnose again."
+    ),
     "model_adequate": _use,
 }

@@ -36,10 +36,7 @@ class Term:
 
 @dataclass(frozen=True)
 class FoundFormula:
-    """The formula of a diagnosis.
-
-    The `discrepancy_` of the diagnosis is not None.
-    """
+    """The formula of a diagnosis that has one."""
 
     diagnosis: ModelDiagnosis
 

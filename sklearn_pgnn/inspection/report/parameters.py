@@ -117,11 +117,7 @@ TIGHT, SHADES = 0.9, 5
 
 
 def correlation(diagnosis) -> dict | None:
-    """Return the correlations of the parameters, a formula's coefficients among them.
-
-    The rows are the lower triangle, and the tight pairs, in words, hide each other; None where
-    there are less than two parameters.
-    """
+    """Return the correlations of fitted parameters; None where there are less than two."""
     fit = fitted_again(diagnosis)
     names = [freedom.name for freedom in fit.freedoms]
     if len(names) < 2:

@@ -128,7 +128,11 @@ def method(diagnosis) -> str:
     """Return how it was done."""
     records, window = diagnosis.records_, diagnosis.window_
     count, samples = len(records.names), records.windows.t.size
-    length = f"{number(window, 3)} s"
+    length, model = f"{number(window, 3)} s", diagnosis.model
+    hold = "held" if diagnosis.hold_ == "zoh" else "linearly interpolated"
+    channels = ""
+    if model.channels:
+        channels = f" Only faults that the channels can have were tried: {in_words(model)}."
     return (
         f"{samples} samples in {count} {'record' if count == 1 else 'records'} were cut into "
         f"{len(records.windows)} windows of about {length}, each with an initial state of "
@@ -136,23 +140,12 @@ def method(diagnosis) -> str:
         f"initial states. A cause is named only if a likelihood ratio on windows its parameters "
         f"were not fitted to supports it, at a false-alarm rate of {diagnosis.alpha:g}; if it "
         f"explains {percent(diagnosis.smallest_share)} of an output's error or more; and if the "
-        f"free run does not contradict it. Inputs: {_hold(diagnosis.hold_)}; "
+        f"free run does not contradict it. Inputs: {hold} between samples; "
         f"integration steps from sample to sample: {diagnosis.substeps_}. "
         f"Intervals are 95 % intervals, robust to residuals that are not white. The noise of an "
         f"output is the white part of what the extended model leaves of it over windows."
-        f"{_channels(diagnosis.model)}"
+        f"{channels}"
     )
-
-
-def _channels(model) -> str:
-    """Return which faults were left out, where the model says what its channels are."""
-    if not model.channels:
-        return ""
-    return f" Only faults that the channels can have were tried: {in_words(model)}."
-
-
-def _hold(hold: str) -> str:
-    return "held between samples" if hold == "zoh" else "linearly interpolated between samples"
 
 
 def versions() -> str:

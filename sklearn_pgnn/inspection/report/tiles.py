@@ -23,11 +23,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the given model's error.
-
-    Its kind is ``"retuning"``, ``"cause"``, ``"formula"``, ``"left"`` or ``"noise"``; the errors
-    before and after it are in units of the noise.
-    """
+    """A part of the given model's error: before and after it, in units of the noise."""
 
     kind: str
     name: str
@@ -41,10 +37,7 @@ class Part:
 
 
 def parts_of_error(diagnosis) -> list[Part]:
-    """Return the given model's error, part by part, from re-tuning down to the noise.
-
-    Every cause stands for what it takes away beside those before it.
-    """
+    """Return the given model's error, part by part, from re-tuning down to the noise."""
     errors = together(diagnosis)
     parts = [Part("retuning", "re-tuning", errors.prior, errors.refitted)]
     level = errors.refitted
@@ -95,11 +88,7 @@ SURE = 0.95
 
 @dataclass(frozen=True)
 class Tile:
-    """A tile of a report.
-
-    Its state is ``"good"``, ``"look"`` or ``"bad"``: green, amber or red. The headline is the one
-    thing to see.
-    """
+    """A tile of a report: its state is a key of `STATES`, its headline the one thing to see."""
 
     state: str
     about: str
@@ -167,20 +156,15 @@ def _sure(diagnosis) -> Tile:
     if diagnosis.causes_:
         return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
     if diagnosis.verdict_ == "unexplained":
-        return _no_cause(diagnosis)
+        nearest = _runner_up(diagnosis)
+        said = f"{nearest}, not sufficient" if nearest else "no candidate was fitted"
+        if diagnosis.discrepancy_ is None:
+            return Tile("bad", about, "no cause", said)
+        return Tile("look", about, "a formula, no cause", f"it describes the records; {said}")
     if not diagnosis.complete_:
         return Tile("look", about, "not complete", "the search ended early")
-    text = "no candidate of the catalogue improves it"
-    nearest = _runner_up(diagnosis)
-    return Tile("good", about, "nothing named", f"{text}; {nearest}" if nearest else text)
-
-
-def _no_cause(diagnosis) -> Tile:
-    nearest = _runner_up(diagnosis)
-    said = f"{nearest}, not sufficient" if nearest else "no candidate was fitted"
-    if diagnosis.discrepancy_ is None:
-        return Tile("bad", "How sure", "no cause", said)
-    return Tile("look", "How sure", "a formula, no cause", f"it describes the records; {said}")
+    parts = ("no candidate of the catalogue improves it", _runner_up(diagnosis))
+    return Tile("good", about, "nothing named", "; ".join(filter(None, parts)))
 
 
 def _sure_of(diagnosis, cause) -> Tile:
@@ -188,7 +172,7 @@ def _sure_of(diagnosis, cause) -> Tile:
     if cause.is_open:
         text = f"for {name}, which these records cannot distinguish from {rivals(cause)}"
     else:
-        text = "; ".join(said for said in (f"for {name}", _runner_up(diagnosis)) if said)
+        text = "; ".join(filter(None, (f"for {name}", _runner_up(diagnosis))))
     state = "good" if sure and not cause.is_open and diagnosis.complete_ else "look"
     return Tile(state, "How sure", chance(cause.probability), text)
 
@@ -202,11 +186,10 @@ def _runner_up(diagnosis) -> str:
         if candidate.name not in named:
             effect, target = candidate.name
             more = count_parameters(known[effect](target)) > most
-            with_more = ", which has more parameters," if more else ""
+            which = ", which has more parameters, leaves" if more else ", leaves"
             alone = " alone" if len(named) != 1 else ""
-            name = cause_name(effect, target)
-            comma = "" if more else ","
-            return f"the runner-up, {name}{with_more}{comma} leaves {times(candidate.left)}{alone}"
+            left = f"{times(candidate.left)}{alone}"
+            return f"the runner-up, {cause_name(effect, target)}{which} {left}"
     return ""
 
 
@@ -230,15 +213,16 @@ def _parameters(diagnosis, facts: ParameterFacts) -> Tile:
         (facts.unidentified, "not determined by the records"),
         (facts.changed, "changed beyond the interval"),
     )
-    said = [f"{listed(names)} {what}" for names, what in found if names]
-    count = len(facts.at_limit) or len(facts.unidentified)
-    if not count and facts.changed:
+    said = "; ".join(f"{listed(names)} {what}" for names, what in found if names)
+    if facts.at_limit:
+        return Tile("look", "Parameters", f"{len(facts.at_limit)} at a limit", said)
+    if facts.unidentified:
+        count = len(facts.unidentified)
+        return Tile("look", "Parameters", f"{count} not identifiable", said)
+    if facts.changed:
         headline = f"{len(facts.changed)} changed"
-        return Tile("good", "Parameters", headline, f"{'; '.join(said)}; none at a limit")
-    if not count:
-        return _unchanged(diagnosis)
-    headline = f"{count} {found[0][1] if facts.at_limit else 'not identifiable'}"
-    return Tile("look", "Parameters", headline, "; ".join(said))
+        return Tile("good", "Parameters", headline, f"{said}; none at a limit")
+    return _unchanged(diagnosis)
 
 
 def _unchanged(diagnosis) -> Tile:
@@ -246,12 +230,9 @@ def _unchanged(diagnosis) -> Tile:
     text = "the interval of each holds the given value; none at a limit"
     found = ["cause" if len(diagnosis.causes_) == 1 else "causes"] if diagnosis.causes_ else []
     found += [] if diagnosis.discrepancy_ is None else ["formula"]
-    if found:
-        return Tile(
-            "good", "Parameters", "as given", f"with the {listed(found)} in the model, {text}"
-        )
-    if not retuning_counts(diagnosis):
-        return Tile("good", "Parameters", "as given", text)
+    if found or not retuning_counts(diagnosis):
+        beside = f"with the {listed(found)} in the model, " if found else ""
+        return Tile("good", "Parameters", "as given", f"{beside}{text}")
     errors = together(diagnosis)
     worth = f"{times(errors.prior)} → {times(errors.refitted)} noise"
     return Tile("good", "Parameters", "changed jointly", f"{worth}; yet {text}")
