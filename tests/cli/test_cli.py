@@ -13,10 +13,9 @@ from click.testing import CliRunner
 
 from sklearn_pgnn import PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.output import result_folder, strict_json
+from sklearn_pgnn.cli.output import result_folder
 from sklearn_pgnn.cli.screen import described_files
 from sklearn_pgnn.diagnosis import NamedCause
-from sklearn_pgnn.record_quality.finding import Finding
 
 pytestmark = pytest.mark.core
 
@@ -119,19 +118,6 @@ def test_the_json_is_strict_and_complete(done):
     assert errors | {"explained_share", "low", "high"} <= set(data["gain"]["speed"])
 
 
-def test_what_is_not_finite_is_null():
-    class Diagnosis:
-        def to_dict(self):
-            return {"a": float("nan"), "b": [np.float64("inf"), np.int64(3)], "c": np.bool_(True)}
-
-    assert json.loads(strict_json(Diagnosis())) == {
-        "a": None,
-        "b": [None, 3],
-        "c": True,
-        "version": __version__,
-    }
-
-
 @pytest.mark.slow
 def test_the_extended_model_is_a_model_file(done):
     model = PhysicsModel.from_yaml(done[0] / "extended_model.yaml")
@@ -183,18 +169,6 @@ def test_json_is_printed_in_place_of_words_and_the_report_opened(tmp_path, monke
     result = CliRunner().invoke(main, args, catch_exceptions=False)
     assert result.stdout == (tmp_path / "out" / "diagnosis.json").read_text()
     assert opened == [str(tmp_path / "out" / "report.html")]
-
-
-@pytest.mark.slow
-def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch):
-    fault = Finding("outliers", "'F'", "three samples lie far off", 3.0, "look at the cable")
-    here = "sklearn_pgnn.diagnosis.model_diagnosis.check_data_quality"
-    monkeypatch.setattr(here, lambda *_: (fault,))
-    args = [*write(tmp_path), "--catalogue", "input_bias"]
-    text = CliRunner().invoke(main, args, catch_exceptions=False).stdout
-    assert text.startswith("Quality of the records: read this first\n  outliers: three samples")
-    assert "look at the cable.\n\n" in text
-    assert text.index("look at the cable") < text.index("The model of the cart")
 
 
 @pytest.mark.parametrize(

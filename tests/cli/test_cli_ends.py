@@ -21,7 +21,6 @@ from sklearn_pgnn.cli.ending import check, held, stoppable
 from sklearn_pgnn.cli.output import result_folder
 from sklearn_pgnn.exceptions import DiagnosisWarning, RecordError, SimulationError
 from sklearn_pgnn.progress_display import EVERY, Lines, _bars, _Live
-from sklearn_pgnn.trajectories.files import read_files
 
 #: as from a terminal: a job in the background would ignore Ctrl-C
 CALL = """
@@ -139,25 +138,6 @@ def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeyp
     assert "ZeroDivisionError" in result.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     assert "Coulomb friction" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-
-
-def test_reading_the_records_takes_from_the_time(tmp_path, monkeypatch, fitted):
-    now, given = [0.0], []
-
-    def read(*arguments):
-        now[0] += 7.0
-        return read_files(*arguments)
-
-    def fit(self, X, y):
-        given.append(self.time_limit)
-        vars(self).update(fitted)
-        return self
-
-    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.monotonic", lambda: now[0])
-    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.read_files", read)
-    monkeypatch.setattr(ModelDiagnosis, "fit", fit)
-    assert run([*write(tmp_path), "--quiet", "--time-limit", "10"]).exit_code == 0
-    assert given == [3.0]
 
 
 def test_a_full_disk_is_no_bug(tmp_path, monkeypatch, fitted):

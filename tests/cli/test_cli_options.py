@@ -196,20 +196,8 @@ def test_effects_can_be_listed():
     assert [line.split()[0] for line in shown] == [effect.id for effect in effects.CATALOGUE]
 
 
-def test_the_version_has_a_short_name():
-    assert __version__ in CliRunner().invoke(main, ["-V"]).stdout
-
-
 def test_the_package_is_a_program_too():
     run = subprocess.run(
         [sys.executable, "-m", "sklearn_pgnn", "-V"], capture_output=True, text=True
     )
     assert run.stdout == f"sklearn-pgnn, version {__version__}\n"
-
-
-def test_an_unknown_target_is_refused_by_the_diagnosis_itself():
-    from sklearn_pgnn import systems
-
-    diagnosis = ModelDiagnosis(systems.golf_robot(), targets=["omga"])
-    with pytest.raises(ValueError, match="did you mean 'omega'"):
-        diagnosis.fit([[0.0, 0.0]], [0.0])

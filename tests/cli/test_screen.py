@@ -147,6 +147,7 @@ def test_a_formula_has_a_column_of_its_own_in_every_table(capsys):
     assert "depends on v, which explains 40 %" in text
     said = "leaves 1.02 × the noise over held-out windows, and in free run 1.34 ×."
     assert f"With −0.5 + 2·v³ added there the model {said}" in text
+    assert "What is left without the formula is structure (2.00 ×" in text
     with_formula.causes_ = diagnosis().causes_
     assert "v 3 2 2 1.02 1 m/s" in shown(capsys, with_formula)  # the causes alone, then with it
 
@@ -174,6 +175,17 @@ def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdic
     assert "make window_length longer, or fix known parameters." in text
     lost.data_quality_ = (Finding("short records", "t", "few windows", 3.0, "record longer"),)
     assert "record longer, or fix known parameters." in shown(capsys, lost)
+
+
+def test_faults_of_the_records_are_told_before_the_verdict(capsys):
+    bad = diagnosis()
+    fault = Finding("outliers", "'F'", "three samples lie far off", 3.0, "look at the cable")
+    bad.data_quality_ = (fault,)
+    print_diagnosis(bad, Path("out"), quiet=False)
+    text = capsys.readouterr().out
+    assert text.startswith("Quality of the records: read this first\n  outliers: three samples")
+    assert "look at the cable.\n\n" in text
+    assert text.index("look at the cable") < text.index("The model of the cart")
 
 
 def test_nothing_is_said_of_what_was_not_asked(capsys):

@@ -14,12 +14,10 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.diagnosis import Remaining, Rival, Structure, Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
-from sklearn_pgnn.inspection.case import Samples, make_case
 from sklearn_pgnn.inspection.equations import PAGE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import rivals_or_none, verdict_sentence
-from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.record_quality.finding import Finding
 
 INJECTED = "<script>alert(1)</script>"
@@ -297,6 +295,12 @@ def test_what_cannot_be_drawn_is_refused(friction, options, what):
         DiagnosisDisplay.from_estimator(friction, **options)
 
 
+def evidence_of(effect, model=None):
+    """Return the diagnosis that looked for a hidden effect only, and the evidence for it."""
+    diagnosis = diagnose(effect, (type(effect),), model)
+    return diagnosis, find_evidence(diagnosis, diagnosis.causes_[0])
+
+
 # -- the evidence: the points of the records lie on the law that was hidden ------------------------
 
 HIDDEN = [
@@ -324,10 +328,9 @@ def test_the_evidence_lies_on_the_hidden_law(effect, over, law):
     free = ("m", "k", "d") if effect.id != "sensor_gain" else ()
     model = cart()
     model = model.with_parameters(
-        **{n: _fixed(p) for n, p in model.parameters.items() if n not in free}
+        **{n: replace(p, fixed=True) for n, p in model.parameters.items() if n not in free}
     )
-    diagnosis = diagnose(effect, (type(effect),), model)
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    _, evidence = evidence_of(effect, model)
     assert over in evidence.x_label
     x, y = evidence.points
     expected = law(x)
@@ -341,8 +344,7 @@ def test_the_evidence_lies_on_the_hidden_law(effect, over, law):
 
 @pytest.mark.slow
 def test_a_limit_of_a_rate_is_shown_over_the_rate_without_it():
-    diagnosis = diagnose(effects.RateLimit("v", limit=2.0), (effects.RateLimit,))
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    _, evidence = evidence_of(effects.RateLimit("v", limit=2.0))
     x, y = evidence.points
     beyond = np.isfinite(x) & (np.abs(x) > 3.0)
     assert np.median(np.abs(np.abs(y[beyond]) - 2.0)) < 0.1
@@ -353,8 +355,7 @@ def test_a_limit_of_a_rate_is_shown_over_the_rate_without_it():
 @pytest.mark.slow
 def test_a_force_that_remembers_is_drawn_as_its_loop():
     effect = effects.Hysteresis("v", level=1.0, deflection=0.05)
-    diagnosis = diagnose(effect, (effects.Hysteresis,))
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    _, evidence = evidence_of(effect)
     assert "x" in evidence.x_label
     (loop,) = evidence.lines
     x, force = (values[: 5 * loop.x.size].reshape(5, -1) for values in evidence.points)
@@ -364,8 +365,7 @@ def test_a_force_that_remembers_is_drawn_as_its_loop():
 
 @pytest.mark.slow
 def test_a_drifting_parameter_is_shown_over_time():
-    diagnosis = diagnose(effects.ParameterDrift("k", rate=0.1), (effects.ParameterDrift,))
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    _, evidence = evidence_of(effects.ParameterDrift("k", rate=0.1))
     t, k = evidence.points
     good = np.isfinite(k)
     assert np.median(np.abs(k / (10.0 * (1 + 0.1 * t)) - 1)[good]) < 0.1
@@ -376,9 +376,8 @@ def test_a_drifting_parameter_is_shown_over_time():
 @pytest.mark.slow
 def test_a_parameter_that_depends_on_a_state_is_shown_over_it():
     effect = effects.ParameterSlope("d(x)", slope=0.5)
-    diagnosis = diagnose(effect, (effects.ParameterSlope,))
+    diagnosis, evidence = evidence_of(effect)
     assert "d that changes with x" in verdict_sentence(diagnosis)
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
     assert evidence.x_label.startswith("x ")
     x, d = evidence.points
     good = np.isfinite(d)
@@ -405,8 +404,7 @@ def test_a_parameter_that_cannot_act_while_the_input_is_zero_is_shown_elsewhere(
 
 @pytest.mark.slow
 def test_friction_under_load_is_shown_over_the_load():
-    diagnosis = diagnose(effects.LoadFriction("v", level=0.5, share=0.2), (effects.LoadFriction,))
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    _, evidence = evidence_of(effects.LoadFriction("v", level=0.5, share=0.2))
     assert "abs(F)" in evidence.x_label
     (law,) = evidence.lines
     away = np.abs(law.x) > 0.1
@@ -418,35 +416,22 @@ def test_friction_under_load_is_shown_over_the_load():
 
 
 @pytest.mark.slow
-def test_a_late_sensor_is_shown_in_time():
-    diagnosis = diagnose(effects.SensorDelay("position", delay=0.1), (effects.SensorDelay,))
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
-    _, y = evidence.points
-    error = [np.std(y - line.y) for line in evidence.lines]
-    assert error[1] < 0.5 * error[0]
-
-
-def _fixed(parameter):
-    from dataclasses import replace
-
-    return replace(parameter, fixed=True)
-
-
-@pytest.mark.slow
-def test_a_late_input_is_shown_in_time():
-    diagnosis = diagnose(effects.ActuatorLag("F", time_constant=0.15), (effects.ActuatorLag,))
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+@pytest.mark.parametrize(
+    "effect",
+    [effects.SensorDelay("position", delay=0.1), effects.ActuatorLag("F", time_constant=0.15)],
+    ids=lambda effect: effect.id,
+)
+def test_what_is_late_is_shown_in_time(effect):
+    _, evidence = evidence_of(effect)
     assert evidence.x_label == "t [s]"
-    _, felt = evidence.points
-    commanded, late = evidence.lines
-    error = [np.nanstd(felt - line.y) for line in (commanded, late)]
-    assert error[1] < 0.5 * error[0]
+    _, seen = evidence.points
+    at_once, late = (np.nanstd(seen - line.y) for line in evidence.lines)
+    assert late < 0.5 * at_once
 
 
 @pytest.mark.slow
 def test_a_wrong_parameter_adds_what_was_missing():
-    diagnosis = diagnose(effects.WrongParameter("k", value=14.0), (effects.WrongParameter,))
-    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    _, evidence = evidence_of(effects.WrongParameter("k", value=14.0))
     x, y = evidence.points
     good = np.isfinite(x) & np.isfinite(y)
     assert np.polyfit(x[good], y[good], 1)[0] == pytest.approx(1.0, abs=0.1)
@@ -465,11 +450,3 @@ def test_where_states_are_not_seen_the_error_is_shown_over_time():
     assert evidence.points is None
     without, left = evidence.lines
     assert np.nanstd(left.y) < 0.5 * np.nanstd(without.y)
-
-
-def test_expressions_are_evaluated_sample_by_sample(friction):
-    samples = make_case(friction, friction.causes_[0]).samples
-    rate = friction.extended_model_.equations["v"]
-    assert samples.value(rate).shape == friction.records_.windows.t.shape
-    assert isinstance(samples, Samples)
-    assert shown_states(friction.model) == {"x", "v"}
