@@ -81,11 +81,9 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
 
 def _summary(look: FirstLook) -> str:
     model = look.model
-    parts = (model.states, model.inputs, model.outputs, model.free_parameters)
-    names = ("state", "input", "output", "free parameter")
-    counts = [
-        f"{len(p)} {n}{'' if len(p) == 1 else 's'}" for p, n in zip(parts, names, strict=True)
-    ]
+    kinds = ("states", "inputs", "outputs", "free_parameters")
+    sizes = {kind[:-1].replace("_", " "): len(getattr(model, kind)) for kind in kinds}
+    counts = [f"{n} {kind}{'' if n == 1 else 's'}" for kind, n in sizes.items()]
     held = "can be used" if not look.warnings else "can be read, with warnings"
     return f"The model of the {model.name} ({', '.join(counts)}) and the records {held}."
 

@@ -90,7 +90,9 @@ def result_folder(output: Path):
     try:
         yield temporary.path
         with held(), writing(output):
-            _move_all(sorted(temporary.path.iterdir()), output)
+            for file in sorted(temporary.path.iterdir()):
+                output.mkdir(parents=True, exist_ok=True)
+                _move(file, output / file.name)
     finally:
         with held():
             temporary.remove()
@@ -119,13 +121,6 @@ def _check_place(output: Path) -> None:
 def _beside(output: Path) -> Path:
     """Return the output itself if it exists, else the nearest folder above it that does."""
     return next(p for p in (output.absolute(), *output.absolute().parents) if p.exists())
-
-
-def _move_all(files: Sequence[Path], output: Path) -> None:
-    if files:
-        output.mkdir(parents=True, exist_ok=True)
-    for file in files:
-        _move(file, output / file.name)
 
 
 def _move(file: Path, target: Path) -> None:

@@ -319,8 +319,9 @@ def _over_truth(case: Case, name: str, column: int) -> Evidence:
 
 def residual_over_time(case: Case) -> Evidence:
     """Return the residuals over windows with and without the cause, where it matters most."""
-    windows, column = case.records.windows, _worst_output(case)
-    without = window_residual(case, case.without)[:, column]
+    windows, errors = case.records.windows, window_residual(case, case.without)
+    column = int(np.argmax(np.nanmean((errors / windows.scale) ** 2, axis=0)))
+    without = errors[:, column]
     left = case.records.fits[case.records.best].residual[:, column]
     rows = _worst_rows(windows, without)
     name = list(case.full.outputs)[column]
@@ -393,11 +394,6 @@ def _about_largest_change(windows, u, late: float) -> slice:
     a, b = windows.bounds[record], windows.bounds[record + 1]
     width = max(4 * reach, 20)
     return slice(max(a, at - width), min(b, at + 2 * width))
-
-
-def _worst_output(case: Case) -> int:
-    scaled = window_residual(case, case.without) / case.records.windows.scale
-    return int(np.argmax(np.nanmean(scaled**2, axis=0)))
 
 
 def _worst_rows(windows, residual, count: int = 6) -> slice:

@@ -142,30 +142,22 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
     """
     records = read_records(model, X, y)
     windowed = window_records(model, records)
-    windows = windowed.windows
-    runs = run_from_starts(model, windowed)
-    simulated = np.concatenate([run.y for run in runs])
+    windows, runs = windowed.windows, run_from_starts(model, windowed)
     quantities = _quantities(model, windows.u, windows.y)
-    outputs = _fits(model, windows, simulated)
-    failed = [
-        f"record {record.name!r}: {run.message}"
-        for record, run in zip(records, runs, strict=True)
-        if run.message
-    ]
-    return FirstLook(
-        model,
-        _seen(model, records, windows, runs),
-        quantities,
-        outputs,
-        (
-            *_constant(quantities),
-            *remarks_on_dead_outputs(model, records),
-            *(f"{remark}. Remedy: {REMEDY}." for remark in remarks_on_repeats(records)),
-            *_gaps(records),
-            *failed,
-            *_odd(model, records, outputs),
+    outputs = _fits(model, windows, np.concatenate([run.y for run in runs]))
+    warnings = (
+        *_constant(quantities),
+        *remarks_on_dead_outputs(model, records),
+        *(f"{remark}. Remedy: {REMEDY}." for remark in remarks_on_repeats(records)),
+        *_gaps(records),
+        *(
+            f"record {record.name!r}: {run.message}"
+            for record, run in zip(records, runs, strict=True)
+            if run.message
         ),
+        *_odd(model, records, outputs),
     )
+    return FirstLook(model, _seen(model, records, windows, runs), quantities, outputs, warnings)
 
 
 # -- what is there ---------------------------------------------------------------------------------
@@ -174,16 +166,15 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
 def _seen(model, records, windows, runs) -> tuple[SeenRecord, ...]:
     seen = []
     for record, (a, b), run in zip(records, pairwise(windows.bounds), runs, strict=True):
-        t, fit = record.t, fit_percentage(windows.y[a:b], run.y)
+        t, fit = record.t, fit_percentage(windows.y[a:b], run.y).tolist()
         times = t.size, float(t[-1] - t[0]), float(np.median(np.diff(t)))
-        by_output = zip(model.outputs, map(float, fit), strict=True)
-        seen.append(SeenRecord(record.name, *times, dict(by_output)))
+        seen.append(SeenRecord(record.name, *times, dict(zip(model.outputs, fit, strict=True))))
     return tuple(seen)
 
 
 def _quantities(model, u, y) -> tuple[SeenQuantity, ...]:
-    columns = {name: ("input", u[:, i]) for i, name in enumerate(model.inputs)}
-    columns |= {name: ("output", y[:, i]) for i, name in enumerate(model.outputs)}
+    columns = [(name, "input", u[:, i]) for i, name in enumerate(model.inputs)]
+    columns += [(name, "output", y[:, i]) for i, name in enumerate(model.outputs)]
     return tuple(
         SeenQuantity(
             name,
@@ -194,7 +185,7 @@ def _quantities(model, u, y) -> tuple[SeenQuantity, ...]:
             int(np.isnan(values).sum()),
             model.channels.get(name, ""),
         )
-        for name, (role, values) in columns.items()
+        for name, role, values in columns
     )
 
 

@@ -47,12 +47,8 @@ def model_html(model) -> str:
     )
     signals = [
         (name, kind, typeset_unit(model.unit(name)) or "-")
-        for kind, names in (
-            ("state", model.states),
-            ("input", model.inputs),
-            ("output", model.outputs),
-        )
-        for name in names
+        for kind in ("state", "input", "output")
+        for name in getattr(model, f"{kind}s")
     ]
     rows = [
         (name, number(p.value), typeset_unit(p.unit) or "-", "known" if p.fixed else "free")
@@ -136,26 +132,15 @@ def diagnosis_html(diagnosis) -> str:
     causes = "".join(cause_html(cause, diagnosis.complete_) for cause in diagnosis.causes_)
     shown = shown_models(diagnosis)
     titles = ("error (rms)", *shown.values(), "noise", "unit", "explained")
-    windows = [
-        (
-            f"{name}, windows",
-            *(number(getattr(g, which), 3) for which in (*shown, "noise")),
-            typeset_unit(g.unit) or "-",
-            share(g),
-        )
-        for name, g in diagnosis.gain_.items()
-    ]
-    runs = [
-        (
-            f"{name}, free run",
-            *(free_run_error(getattr(r, which)) for which in shown),
-            "",
-            typeset_unit(diagnosis.model.unit(name)) or "-",
-            "",
-        )
-        for name, r in diagnosis.free_run_.items()
-    ]
-    return _box(head, causes + _table(titles, windows + runs))
+    rows = []
+    for name, g in diagnosis.gain_.items():
+        errors = (number(getattr(g, which), 3) for which in (*shown, "noise"))
+        rows.append((f"{name}, windows", *errors, typeset_unit(g.unit) or "-", share(g)))
+    for name, run in diagnosis.free_run_.items():
+        errors = (free_run_error(getattr(run, which)) for which in shown)
+        unit = typeset_unit(diagnosis.model.unit(name)) or "-"
+        rows.append((f"{name}, free run", *errors, "", unit, ""))
+    return _box(head, causes + _table(titles, rows))
 
 
 def diagnosis_latex(diagnosis) -> str | None:

@@ -90,16 +90,6 @@ class FoundFormula:
             found.append(Term(name, expression, coefficient, largest))
         return found
 
-    @property
-    def moving(self) -> set[sympy.Symbol]:
-        """States, inputs and the time."""
-        return {*map(symbol, (*self.model.states, *self.model.inputs)), TIME}
-
-    @property
-    def expression(self) -> sympy.Expr:
-        """The terms with the names of their coefficients."""
-        return sympy.Add(*(symbol(term.name) * term.expression for term in self.terms))
-
     def coefficient_unit(self, term: Term) -> str:
         """Return the unit of a coefficient: that of the formula by that of its term."""
         below = _unit_of(term.expression, self.model)
@@ -126,29 +116,27 @@ def _unit_of(expression: sympy.Expr, model: PhysicsModel) -> str:
 
 def told_formula(formula: FoundFormula) -> dict:
     """Return what a report shows of a formula: plain text by the template's variable."""
-    part = formula.part
+    part, model = formula.part, formula.model
+    moving = {*map(symbol, (*model.states, *model.inputs)), TIME}
+    expression = sympy.Add(*(symbol(term.name) * term.expression for term in formula.terms))
     return {
         "place": place_name(formula.diagnosis.model, part.target),
         "dependence": dependence(formula.diagnosis, part),
-        "left": times(formula.part.error),
+        "left": times(part.error),
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(formula.force),
         "inertia": formula.inertia,
-        "mathml": mathml_of(formula.expression, formula.moving),
-        "text": to_text(formula.expression),
+        "mathml": mathml_of(expression, moving),
+        "text": to_text(expression),
         "terms": [
             {
                 "name": term.name,
-                "mathml": mathml_of(term.expression, formula.moving),
-                "value": measured(
-                    term.coefficient.value,
-                    term.coefficient.low,
-                    term.coefficient.high,
-                    formula.coefficient_unit(term),
-                ),
+                "mathml": mathml_of(term.expression, moving),
+                "value": measured(c.value, c.low, c.high, formula.coefficient_unit(term)),
                 "largest": f"{number(term.largest, 3)} {typeset_unit(formula.unit)}".rstrip(),
             }
             for term in formula.terms
+            for c in [term.coefficient]
         ],
-        "file": file_of(formula.model),
+        "file": file_of(model),
     }
