@@ -94,12 +94,13 @@ def simulate(progress, model, data, sample_time, output, force, quiet):
     the model's initial state. The files need no outputs; if they have them, the fit is printed.
     """
     from sklearn_pgnn.cli.output import refuse_existing, write_file
-    from sklearn_pgnn.cli.simulate import print_simulation, simulate_files, to_csv
+    from sklearn_pgnn.cli.simulate import print_simulation, simulate_files
 
     refuse_existing(output, force=force)
     progress("simulating")
     read, rows, fits = simulate_files(model, data, sample_time)
-    write_file(output, to_csv(rows), force=force)
+    text = rows.to_csv(index=False, float_format="%.9g", lineterminator="\n")
+    write_file(output, text, force=force)
     return lambda: print_simulation(read, fits, output, len(rows), quiet=quiet)
 
 

@@ -114,16 +114,15 @@ def writer_of(target: str) -> Callable:
     """Return the function that writes a model to a path."""
     from sklearn_pgnn import export as room
 
-    texts = {"c": room.to_c, "modelica": room.to_modelica}
-
-    def write_text(model, path, **options):
-        path.write_text(texts[target](model, **options), encoding="utf-8", newline="\n")
-
-    def write_unit(model, path, fmi="2", compiler="gcc", **options):
-        compiler = None if compiler == "none" else compiler
-        room.to_fmu(model, path, fmi=int(fmi), compiler=compiler, **options)
-
-    return write_text if target in texts else write_unit
+    if target == "fmu":
+        return lambda model, path, fmi="2", compiler="gcc", **options: room.to_fmu(
+            model, path, fmi=int(fmi), compiler=None if compiler == "none" else compiler, **options
+        )
+    texts: dict[str, Callable[..., str]] = {"c": room.to_c, "modelica": room.to_modelica}
+    text = texts[target]
+    return lambda model, path, **options: path.write_text(
+        text(model, **options), encoding="utf-8", newline="\n"
+    )
 
 
 def _flag(name: str) -> str:

@@ -76,20 +76,24 @@ def read_noise(words: Sequence[str], outputs: Sequence[str]) -> list[float] | No
         name = name.strip() if equals or len(outputs) > 1 else outputs[0]
         if name not in outputs or name in found:
             _refuse_noise(word, outputs)
-        found[name] = _positive(number, word)
+        value = positive(number)
+        if value is None:
+            raise OptionError(
+                f"--noise: expected a number > 0 as standard deviation, got {word!r}."
+            )
+        found[name] = value
     if len(found) < len(outputs):
         _refuse_noise(", ".join(words), outputs)
     return [found[name] for name in outputs]
 
 
-def _positive(number: str, word: str) -> float:
+def positive(text: str) -> float | None:
+    """Return a positive number that is written as text; None where that is something else."""
     try:
-        value = float(number)
+        value = float(text)
     except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise OptionError(f"--noise: expected a number > 0 as standard deviation, got {word!r}.")
-    return value
+        return None
+    return value if 0 < value < math.inf else None
 
 
 def _refuse_noise(word: str, outputs: Sequence[str]):

@@ -47,11 +47,6 @@ def _table(model, record, run) -> pd.DataFrame:
     return pd.DataFrame({"trajectory": record.name, "t [s]": record.origin + record.t, **named})
 
 
-def to_csv(rows: pd.DataFrame) -> str:
-    """Return a simulation as the text of a CSV file."""
-    return rows.to_csv(index=False, float_format="%.9g", lineterminator="\n")
-
-
 def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
     """Print the fit [%] to the records, by record, and the location of the simulation."""
     if quiet:

@@ -101,13 +101,6 @@ def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndar
     return table
 
 
-def starts(records: DiagnosisRecords, model: PhysicsModel) -> np.ndarray:
-    """Return a model's initial states of all windows, as fitted with all that was found."""
-    extended = records.fits[records.best]
-    order = list(extended.model.states)
-    return extended.x0[:, [order.index(state) for state in model.states]]
-
-
 @dataclass(frozen=True)
 class Case:
     """A cause, the models with all that was found and without this cause, and the records."""
@@ -201,4 +194,7 @@ def make_case(diagnosis, cause) -> Case:
 
 def window_residual(case: Case, model: PhysicsModel) -> np.ndarray:
     """Return the error on windows that start in the initial states found with all causes."""
-    return evaluate(model, case.records.windows, starts(case.records, model), ()).residual
+    extended = case.records.fits[case.records.best]
+    order = list(extended.model.states)
+    x0 = extended.x0[:, [order.index(state) for state in model.states]]
+    return evaluate(model, case.records.windows, x0, ()).residual

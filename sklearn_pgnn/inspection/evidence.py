@@ -272,7 +272,8 @@ def _input_in_time(case: Case, name: str, felt) -> Evidence:
 def shown_output(case: Case, curve: Characteristic) -> Evidence:
     """Return the error of a sensor against the true output, or its output over time."""
     column = list(case.full.outputs).index(curve.of)
-    return (_over_truth if curve.over is None else _output_in_time)(case, curve.of, column)
+    draw = _over_truth if curve.over is None else _output_in_time
+    return draw(case, curve.of, column)
 
 
 def _output_in_time(case: Case, name: str, column: int) -> Evidence:

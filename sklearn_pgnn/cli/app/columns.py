@@ -1,8 +1,8 @@
 """Assignment of a file's columns, with their units, to the quantities of a model."""
 
-import math
 from collections.abc import Mapping, Sequence
 
+from sklearn_pgnn.cli.inputs import positive
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.channel_kinds import usual_kind
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -162,10 +162,7 @@ def _sample_time(mapping: Mapping) -> float | None:
     text = str(mapping.get(SAMPLE_TIME) or "").strip()
     if not text:
         return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
+    value = positive(text)
+    if value is None:
         raise RecordError(f"sample time: expected a positive number of seconds, got {text!r}.")
     return value

@@ -135,14 +135,6 @@ SHOWN: dict[str, Callable[[Visitor, Request], Response]] = {
 # -- what is changed -------------------------------------------------------------------------------
 
 
-async def _take_model(visitor: Visitor, request: Request) -> None:
-    await visitor.take_model(await _body(request, MODEL_BYTES), _label(request))
-
-
-async def _take_system(visitor: Visitor, request: Request) -> None:
-    await visitor.take_system(str((await _form(request)).get("system", "")))
-
-
 async def _take_record(visitor: Visitor, request: Request) -> None:
     number = visitor.new_number()
     content = await _body(request, min(RECORD_BYTES, ALL_BYTES - visitor.size))
@@ -156,6 +148,14 @@ async def _begin(visitor: Visitor, request: Request, what: str) -> None:
     mapping = clean_mapping(form.get("mapping"), visitor.columns)
     options = clean_options(form.get("options")) if what == "diagnose" else {}
     visitor.begin(what, mapping, options)
+
+
+async def _take_model(visitor: Visitor, request: Request) -> None:
+    await visitor.take_model(await _body(request, MODEL_BYTES), _label(request))
+
+
+async def _take_system(visitor: Visitor, request: Request) -> None:
+    await visitor.take_system(str((await _form(request)).get("system", "")))
 
 
 CHANGES: dict[tuple[str, str], Change] = {

@@ -128,7 +128,8 @@ def worst(tiles) -> str:
 def _left(diagnosis) -> Tile:
     """Return the tile of the output of which most is left."""
     windows = over_windows(diagnosis)
-    output = max(windows, key=lambda name: _or_inf(windows[name].best))
+    left = {name: errors.best for name, errors in windows.items()}
+    output = max(left, key=lambda name: left[name] if math.isfinite(left[name]) else math.inf)
     errors, run = windows[output], in_free_run(diagnosis)[output]
     tells = diagnosis.free_run_[output].tells
     much = not errors.best <= MUCH or (tells and not run.best <= MUCH)
@@ -140,10 +141,6 @@ def _left(diagnosis) -> Tile:
     text = f"left{of} over held-out windows {last} ({by}); in free run {free}"
     state = "bad" if much and structured else "look" if much or structured else "good"
     return Tile(state, "What is left", f"{times(errors.best)} noise", text)
-
-
-def _or_inf(value: float) -> float:
-    return value if math.isfinite(value) else math.inf
 
 
 # -- how sure --------------------------------------------------------------------------------------
