@@ -237,11 +237,13 @@ BAD_DATA = {
     "binary": (bytes(range(256)) * 4, "a.csv"),
     "empty": (b"", "a.csv"),
     "header only": (b"t,F,speed\n", "a.csv"),
-    "missing column": (table().drop(columns="F").to_csv(index=False).encode(), "'F'"),
+    "missing column": (table().drop(columns="F"), "'F'"),
     "text in a number column": (lines_of(table(), cell(7, 2, "fast")), "a.csv:8"),
     "NaN in an input": (lines_of(table(), cell(9, 1, "nan")), "a.csv:10"),
     "time running backward": (lines_of(table().assign(trajectory="a"), swapped), "a.csv:5"),
-    "three samples": (table().head(3).to_csv(index=False).encode(), "a.csv"),
+    "three samples": (table().head(3), "a.csv"),
+    "too few in all": (table().head(10), "samples"),
+    "an output that never changes": (table().assign(speed=1.0), "'speed'"),
 }
 BAD_MODELS = {
     "unknown name": (MODEL.replace("d*v", "q*v"), "cart.yaml:8:"),
@@ -295,27 +297,6 @@ def test_an_output_that_cannot_be_written_is_refused(tmp_path):
     args = write(tmp_path)
     tmp_path.chmod(0o500)
     refused(args, tmp_path, "out")
-
-
-def test_too_few_samples_in_all_are_refused(tmp_path):
-    refused(write(tmp_path, tables={"a.csv": table().head(10)}), tmp_path, "samples")
-
-
-def test_an_output_that_never_changes_is_refused(tmp_path):
-    refused(write(tmp_path, tables={"a.csv": table().assign(speed=1.0)}), tmp_path, "'speed'")
-
-
-@pytest.mark.slow
-def test_a_real_process_refuses_as_well(tmp_path):
-    args = write(tmp_path, model=MODEL.replace("d*v", "q*v"))
-    call = "import sys; from sklearn_pgnn.cli import main; main(sys.argv[1:])"
-    result = subprocess.run([sys.executable, "-c", call, *args], capture_output=True, text=True)
-    assert result.returncode == 2
-    assert result.stdout == ""
-    *progress, last = result.stderr.splitlines()
-    assert all(line.endswith(" ...") for line in progress)
-    assert "cart.yaml:8:" in last
-    assert "'q'" in last
 
 
 # -- what goes wrong on the way --------------------------------------------------------------------

@@ -105,7 +105,6 @@ def test_a_check_shows_ranges_and_a_first_simulation(files):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda rows: rows.assign(speed=1000 * rows.speed), "factor 1000 on speed"),
         (lambda rows: rows.assign(speed=3.6 * rows.speed), "factor 3.6 on speed"),
         (lambda rows: rows.assign(speed=-rows.speed), "reversed polarity of speed"),
         (lambda rows: rows.assign(F=1.5), "input 'F' is 1.5 N in every sample"),

@@ -13,12 +13,11 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.diagnosis import Remaining, Rival, Structure, Tried
-from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
+from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis
 from sklearn_pgnn.inspection.equations import PAGE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import rivals_or_none, verdict_sentence
-from sklearn_pgnn.record_quality.finding import Finding
 
 INJECTED = "<script>alert(1)</script>"
 
@@ -128,38 +127,12 @@ def test_the_verdict_comes_first_and_everything_is_there(report, friction):
     assert report.count("<math") > 4
 
 
-def test_the_report_is_written_whole_or_not_at_all(friction, tmp_path, monkeypatch):
-    path = tmp_path / "report.html"
-    path.write_text("old")
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(PermissionError("no room")))
-    with pytest.raises(PermissionError):
-        write_report(friction, path)
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_an_adequate_model_is_told_so(tmp_path):
-    diagnosis = diagnose(None, (effects.CoulombFriction,))
-    diagnosis.to_html(tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert diagnosis.verdict_ == "model_adequate"
-    assert "is adequate" in text
-    assert "What is missing" not in text
-
-
 def test_a_candidate_that_makes_it_worse_has_no_percentage(friction):
     changed = copy(friction)
     changed.candidates_ = (Tried("sensor_rectification", "position", 207.99, 150.0, 290.0),)
     text = render_report(changed)
     assert "makes it worse" in text
     assert "20799" not in text
-
-
-def test_faults_of_the_records_stand_above_the_verdict(friction):
-    changed = copy(friction)
-    changed.data_quality_ = (Finding("outliers", "'F'", "three samples lie far off", 3.0, "look"),)
-    text = re.sub(r"<[^>]+>", "", render_report(changed))
-    assert text.index("Three samples lie far off") < text.index("lacks Coulomb friction on v")
 
 
 def test_a_report_says_as_a_screen_does_what_a_parameter_at_its_limit_means(friction):
