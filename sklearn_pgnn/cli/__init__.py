@@ -38,29 +38,14 @@ Install it with:
 class InOrder(click.Group):
     """Commands that are listed as one comes to use them."""
 
-    ORDER = (
-        "demo",
-        "init",
-        "check",
-        "simulate",
-        "fit",
-        "diagnose",
-        "detect",
-        "compare",
-        "fleet",
-        "export",
-        "app",
-    )
-
     def main(self, *args, **kwargs):
         """Run the command line."""
         take_any_text()
         return super().main(*args, **kwargs)
 
     def list_commands(self, context):
-        """Return the names of the commands; those that are not in the order come last."""
-        names = super().list_commands(context)
-        return sorted(names, key=lambda n: (n not in self.ORDER, (*self.ORDER, n).index(n)))
+        """Return the names of the commands as they were added."""
+        return list(self.commands)
 
 
 @click.group(cls=InOrder, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
@@ -69,7 +54,7 @@ def main():
     """Find what is wrong with a physical model of a machine, from records of the test rig."""
 
 
-@main.command(epilog=EXAMPLE)
+@click.command(epilog=EXAMPLE)
 @with_options(*RECORDS, output_option("DIR", "Folder for the results."), FORCE, *SHOW)
 @with_options(*DIAGNOSIS, CORES, *TALK, LIST_EFFECTS)
 @job
@@ -91,7 +76,7 @@ def diagnose(progress, data, model, output, quiet, force, as_json, opens, **opti
     return lambda: asked.print_summary(done)
 
 
-@main.command()
+@click.command()
 @click.option(
     "--output",
     default="sklearn_pgnn_demo",
@@ -112,7 +97,7 @@ def demo(_progress, output, quiet, **options):
     return lambda: run_demo(output, quiet=quiet, **options)
 
 
-@main.command(epilog=WHERE)
+@click.command(epilog=WHERE)
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.pass_context
 def completion(context, shell):
@@ -125,5 +110,6 @@ def run() -> None:
     run_to_the_end(lambda: main(prog_name=PROGRAM))
 
 
-for command in (init, check, simulate, fit, detect, compare, fleet, export, app):
+COMMANDS = (demo, init, check, simulate, fit, diagnose, detect, compare, fleet, export, app)
+for command in (*COMMANDS, completion):
     main.add_command(command)

@@ -12,7 +12,6 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.numbers import fit_text, measured, number
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.inspection.runs import fit_percentage, run_records
-from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.robot_section import described_in, robot_text
 from sklearn_pgnn.trajectories import read_records
 
@@ -23,11 +22,17 @@ class FitJob:
     def __init__(self, model, data, *, free_run, free, noise, sample_time=None, **options):
         self.source = model
         self.prior, self.X, self.y = read_model_and_records(model, data, sample_time)
-        self.names = _known(split(free), self.prior)
+        names, known = split(free), self.prior.parameters
+        for name in names:
+            if name not in known:
+                raise OptionError(
+                    f"--free: expected parameters of the model ({', '.join(known) or 'none'}), "
+                    f"got {name!r}."
+                )
         if free_run:
             options["window_length"] = "trajectory"
         options["noise_std"] = read_noise(noise, list(self.prior.outputs))
-        self.regressor = PhysicsModelRegressor(self.prior, free=self.names, **options)
+        self.regressor = PhysicsModelRegressor(self.prior, free=names or None, **options)
 
     def run(self) -> None:
         """Fit, and simulate the model before and after."""
@@ -95,14 +100,3 @@ class FitJob:
         print_table(console, ("", "as given", "fitted", "change"), rows)
         heading(console, "Written")
         console.print(f"  {one_line(output)}  (the fitted model; a model file again)")
-
-
-def _known(names: list[str], model: PhysicsModel) -> list[str] | None:
-    """Return the parameters to fit, None where none are named."""
-    unknown = [name for name in names if name not in model.parameters]
-    if unknown:
-        raise OptionError(
-            f"--free: expected parameters of the model ({', '.join(model.parameters) or 'none'}), "
-            f"got {unknown[0]!r}."
-        )
-    return names or None

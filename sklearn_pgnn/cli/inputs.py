@@ -19,8 +19,7 @@ from sklearn_pgnn.physics.effects import CATALOGUE, by_id
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors import from_fmu
 from sklearn_pgnn.priors.robot_section import ROBOTS
-from sklearn_pgnn.trajectories.files import open_file, read_files
-from sklearn_pgnn.trajectories.several_files import read_each
+from sklearn_pgnn.trajectories.files import read_files
 
 #: how files are read that are no model files, by their ending
 READERS = {".fmu": from_fmu, **ROBOTS}
@@ -44,14 +43,6 @@ def read_model(path: str | PathLike) -> PhysicsModel:
 def open_model(path: str | PathLike) -> PhysicsModel:
     """Return the model of a model file, of a functional mock-up unit, or of a robot."""
     return READERS.get(Path(path).suffix.lower(), PhysicsModel.from_yaml)(path)
-
-
-def read_inputs(
-    model: PhysicsModel, data: Sequence[str | PathLike], sample_time: float | None
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Read files of records in which outputs may be missing."""
-    with told_warnings(RecordWarning):
-        return read_each(open_file, data, model, sample_time, needs_outputs=False)
 
 
 @contextmanager

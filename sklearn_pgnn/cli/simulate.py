@@ -4,13 +4,16 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.cli.inputs import read_inputs, read_model
+from sklearn_pgnn.cli.inputs import read_model, told_warnings
 from sklearn_pgnn.cli.tables import print_table, say, screen
+from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.inspection.numbers import fit_text
 from sklearn_pgnn.inspection.runs import fit_percentage, run_records
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.files import open_file
+from sklearn_pgnn.trajectories.several_files import read_each
 
 
 def simulate_files(
@@ -23,7 +26,8 @@ def simulate_files(
     measured outputs [%] are by record, empty if none was measured.
     """
     read = read_model(model)
-    X, y = read_inputs(read, data, sample_time)
+    with told_warnings(RecordWarning):
+        X, y = read_each(open_file, data, read, sample_time, needs_outputs=False)
     whole = set(y) == set(read.outputs)
     records = read_records(read, X, y[list(read.outputs)] if whole else None)
     runs = [run.check() for run in run_records(read, records)]

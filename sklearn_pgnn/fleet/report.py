@@ -82,7 +82,12 @@ def _changes(fleet) -> list[dict] | None:
 def _row(machine: Machine, fleet, folder: Path) -> dict:
     page = Store(folder).place(machine.name) / PAGE
     told = machine.found is not None and page.exists()
-    odd = [_odd(s, machine.name) for s in fleet.parameters_.values() if machine.name in s.odd]
+    odd = []
+    for spread in fleet.parameters_.values():
+        if machine.name in spread.odd:
+            value, low, high = spread.values[machine.name]
+            said = measured(value, low, high, typeset_unit(spread.unit))
+            odd.append(f"{spread.name} {said}, usually {number(spread.usual, 3)}")
     return {
         "name": machine.name,
         "page": quote(page.relative_to(folder).as_posix()) if told else "",
@@ -99,23 +104,14 @@ def _row(machine: Machine, fleet, folder: Path) -> dict:
 def _named(machine: Machine) -> list[str]:
     said = []
     for pair, cause in machine.named.items():
-        sizes = (
-            f"{name.replace('_', ' ')} {sized(*_ends(size), typeset_unit(size['unit']))}"
-            for name, size in cause["parameters"].items()
-            if size["value"] is not None
-        )
+        sizes = []
+        for name, size in cause["parameters"].items():
+            if size["value"] is not None:
+                low, high = (math.nan if size[e] is None else size[e] for e in ("low", "high"))
+                text = sized(size["value"], low, high, typeset_unit(size["unit"]))
+                sizes.append(f"{name.replace('_', ' ')} {text}")
         said.append(f"{cause_name(*pair)} ({chance(cause['probability'])}): {', '.join(sizes)}")
     return said
-
-
-def _ends(size) -> tuple[float, float, float]:
-    low, high = (math.nan if size[end] is None else size[end] for end in ("low", "high"))
-    return size["value"], low, high
-
-
-def _odd(spread: ParameterSpread, name: str) -> str:
-    value = measured(*spread.values[name], typeset_unit(spread.unit))
-    return f"{spread.name} {value}, usually {number(spread.usual, 3)}"
 
 
 def _faults(machine: Machine) -> str:

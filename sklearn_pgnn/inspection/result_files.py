@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 
 from sklearn_pgnn.estimation.plain_data import finite
@@ -41,17 +41,11 @@ def model_files(diagnosis) -> dict[str, Callable[[], str]]:
     if diagnosis.model.opaque_functions:
         return {}
     members = cache(lambda: all_members(diagnosis))
-
-    def with_rival(cause: int, rival: int):
-        return lambda: members()[cause][1 + rival].model.to_yaml()
-
-    return {
-        EXTENDED: lambda: model_with_all(diagnosis).to_yaml(),
-        **{
-            _file_of(diagnosis.causes_[cause], rival): with_rival(cause, place)
-            for cause, place, rival in _rivals(diagnosis)
-        },
+    rivals = {
+        name: lambda at=(cause, 1 + place): members()[at[0]][at[1]].model.to_yaml()
+        for name, cause, place in _rivals(diagnosis)
     }
+    return {EXTENDED: lambda: model_with_all(diagnosis).to_yaml(), **rivals}
 
 
 def described_models(diagnosis) -> dict[str, str]:
@@ -63,23 +57,19 @@ def described_models(diagnosis) -> dict[str, str]:
         held += ", with the formula for what no cause explains"
     elif not diagnosis.causes_:
         held += " only"
-    rivals = {
-        _file_of(diagnosis.causes_[cause], rival): (
-            f"the same with {cause_name(rival.effect, rival.target)} in the place of "
-            f"{cause_name(diagnosis.causes_[cause].effect, diagnosis.causes_[cause].target)}"
-        )
-        for cause, _, rival in _rivals(diagnosis)
-    }
-    return {EXTENDED: f"the model, {held}; a model file again", **rivals}
+    described = {EXTENDED: f"the model, {held}; a model file again"}
+    for name, number, place in _rivals(diagnosis):
+        cause = diagnosis.causes_[number]
+        pair = (cause.confused_with[place], cause)
+        rival, named = (cause_name(each.effect, each.target) for each in pair)
+        described[name] = f"the same with {rival} in the place of {named}"
+    return described
 
 
-def _rivals(diagnosis):
-    """Yield the number of a cause, the place of a rival in its list, and the rival."""
-    for cause, named in enumerate(diagnosis.causes_):
-        for place, rival in enumerate(named.confused_with):
-            yield cause, place, rival
-
-
-def _file_of(cause, rival) -> str:
-    words = f"with_{rival.effect}_{rival.target}_for_{cause.effect}_{cause.target}"
-    return "extended_model_" + re.sub(r"[^\w.-]", "_", words) + ".yaml"
+def _rivals(diagnosis) -> Iterator[tuple[str, int, int]]:
+    """Yield the file of every rival, the number of its cause, and its place among the rivals."""
+    for number, cause in enumerate(diagnosis.causes_):
+        for place, rival in enumerate(cause.confused_with):
+            words = f"with_{rival.effect}_{rival.target}_for_{cause.effect}_{cause.target}"
+            name = re.sub(r"[^\w.-]", "_", words)
+            yield f"extended_model_{name}.yaml", number, place
