@@ -100,7 +100,7 @@ def _print_contents(console, checked: Checked) -> None:
             r.samples,
             f"{number(r.duration)} s",
             f"{number(r.sample_time)} s",
-            *tuple(fit_text(r.fit[o.output]) for o in outputs),
+            *(fit_text(r.fit[o.output]) for o in outputs),
         )
         for r in look.records
     )
@@ -126,7 +126,7 @@ def _print_missing(console, missing: pd.DataFrame) -> None:
             name,
             number(row["missing"]),
             row["unit"],
-            *tuple(f"{100 * row[law]:.0f} %" for law in ("sign(flow)", "all")),
+            *(f"{100 * row[law]:.0f} %" for law in ("sign(flow)", "all")),
         )
         for name, row in missing.iterrows()
     )

@@ -32,6 +32,14 @@ from sklearn_pgnn.inspection.result_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.priors.robot_section import described_in
 from sklearn_pgnn.trajectories.files import read_files
 
+#: how a copy of a robot's file is written, by its ending, and the copy's name without it
+ROBOTS = {".urdf": to_urdf, ".xml": to_mjcf, ".mjcf": to_mjcf}
+ROBOT = "extended_model"
+#: the files of a diagnosis
+NAMES = ("diagnosis.json", EXTENDED, *(f"{ROBOT}{ending}" for ending in ROBOTS), "report.html")
+#: time [s] that a diagnosis gets in any case
+SOON = 1e-3
+
 
 def command_line() -> str:
     """Return the running command with its arguments, for a report; empty outside a command."""
@@ -50,16 +58,6 @@ def command_line() -> str:
             else:
                 words += [word for each in values for word in (*option, str(each))]
     return shlex.join(words)
-
-
-#: how a copy of a robot's file is written, by its ending, and the copy's name without it
-ROBOTS = {".urdf": to_urdf, ".xml": to_mjcf, ".mjcf": to_mjcf}
-ROBOT = "extended_model"
-#: the files of a diagnosis
-NAMES = ("diagnosis.json", EXTENDED, *(f"{ROBOT}{ending}" for ending in ROBOTS), "report.html")
-
-#: time [s] that a diagnosis gets in any case
-SOON = 1e-3
 
 
 class Done(NamedTuple):

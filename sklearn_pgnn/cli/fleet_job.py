@@ -26,6 +26,10 @@ from sklearn_pgnn.inspection.numbers import chance
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.trajectories.ros_bag import METADATA
 
+MACHINE = "{machine}"
+#: machines and changes shown on the screen; the report has all
+SHOWN = 20
+
 
 @contextmanager
 def on_cluster(address: str | None) -> Iterator[None]:
@@ -37,11 +41,6 @@ def on_cluster(address: str | None) -> Iterator[None]:
         from distributed import Client
     with Client(address), parallel_config("dask"):
         yield
-
-
-MACHINE = "{machine}"
-#: machines and changes shown on the screen; the report has all
-SHOWN = 20
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,8 @@ from sklearn_pgnn.threads import end_with_parent
 from sklearn_pgnn.trajectories.files import read_files
 from sklearn_pgnn.whole_file import remove_leftovers, write_whole
 
+MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "extended_model.yaml"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -79,9 +81,6 @@ class Job:
         model = file_of(diagnosis.extended_model_) if self.with_page else ""
         found = {**diagnosis.to_dict(), "version": __version__}
         return {"found": found, "extended_model": model, "page": page}
-
-
-MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "extended_model.yaml"
 
 
 class Store:

@@ -13,6 +13,19 @@ from sklearn_pgnn.physics.expansion import expanded
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 
+#: digits of a number in an equation; as text it has all
+DIGITS = 6
+#: beyond so many operations an equation is shown as text only
+MAX_OPERATIONS = 400
+#: characters, as text, beyond which a sum may be broken between its terms
+LINE = 60
+#: characters, as text, that fit a printed page; what is longer and cannot be broken gets smaller
+PAGE = 80
+_MINUS, _DOT = "<mo>&#x2212;</mo>", "<mo>&#xB7;</mo>"
+_OPEN, _CLOSE = '<mo stretchy="false">(</mo>', '<mo stretchy="false">)</mo>'
+_ELSE = "<mtext>else</mtext>"
+_RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
+
 
 def cases_of(expression: sympy.Expr, moving) -> list[tuple[sympy.Expr, sympy.Expr]]:
     """Return what an expression is in each case, where it has cases of one kind.
@@ -82,20 +95,6 @@ def _inner(part):
     kind = sympy.Min if isinstance(part, sympy.Max) else sympy.Max
     found = [arg for arg in part.args if isinstance(arg, kind)]
     return found[0] if len(found) == 1 and len(part.args) == 2 == len(found[0].args) else None
-
-
-#: digits of a number in an equation; as text it has all
-DIGITS = 6
-#: beyond so many operations an equation is shown as text only
-MAX_OPERATIONS = 400
-#: characters, as text, beyond which a sum may be broken between its terms
-LINE = 60
-#: characters, as text, that fit a printed page; what is longer and cannot be broken gets smaller
-PAGE = 80
-_MINUS, _DOT = "<mo>&#x2212;</mo>", "<mo>&#xB7;</mo>"
-_OPEN, _CLOSE = '<mo stretchy="false">(</mo>', '<mo stretchy="false">)</mo>'
-_ELSE = "<mtext>else</mtext>"
-_RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
 
 
 class Printer(MathMLPresentationPrinter):

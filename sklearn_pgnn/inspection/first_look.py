@@ -15,6 +15,8 @@ from sklearn_pgnn.trajectories.constant_outputs import remarks_on_dead_outputs
 from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.trajectories.repeated_records import REMEDY, remarks_on_repeats
 
+_TABLES = ("records", "quantities", "outputs")
+
 
 @dataclass(frozen=True)
 class SeenRecord:
@@ -104,9 +106,6 @@ class FirstLook:
         """Return all but the model as plain data."""
         rows = {n: [asdict(row) for row in getattr(self, n)] for n in _TABLES}
         return {"model": self.model.name, **rows, "warnings": list(self.warnings)}
-
-
-_TABLES = ("records", "quantities", "outputs")
 
 
 def first_look(model: PhysicsModel, X, y) -> FirstLook:

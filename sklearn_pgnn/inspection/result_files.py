@@ -12,6 +12,9 @@ from sklearn_pgnn.inspection.report.causes import all_members
 
 #: the file of a diagnosis, in the folder that the command line writes
 FILE = "diagnosis.json"
+EXTENDED = "extended_model.yaml"
+#: pattern of the file names of rivals
+RIVALS = "extended_model_with_*_for_*.yaml"
 
 
 def as_strict_json(data: Mapping) -> str:
@@ -25,11 +28,6 @@ def as_strict_json(data: Mapping) -> str:
     }
     """
     return json.dumps(finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-EXTENDED = "extended_model.yaml"
-#: pattern of the file names of rivals
-RIVALS = "extended_model_with_*_for_*.yaml"
 
 
 def model_files(diagnosis) -> dict[str, Callable[[], str]]:

@@ -14,6 +14,8 @@ from sklearn_pgnn.inspection.style import COLOURS, LABELS, AxesDisplay, label, p
 #: colours of models that have none of their own
 CYCLE = ("#1766ad", "#d1600b", "#5b8c3a", "#8a4fa3", "#a3341f", "#3f8f8f")
 _OWN = {LABELS[which]: colour for which, colour in COLOURS.items() if which in LABELS}
+#: probability with which a value of white residuals lies inside the band
+INSIDE = 0.99
 
 
 class SimulationDisplay(AxesDisplay):
@@ -149,10 +151,6 @@ def output_column(model, output: str | None) -> int:
     if output not in names:
         raise ValueError(f"output: expected one of {', '.join(names)}, got {output!r}.")
     return names.index(output)
-
-
-#: probability with which a value of white residuals lies inside the band
-INSIDE = 0.99
 
 
 def correlation(one: Sequence, other: Sequence, lags) -> np.ndarray:

@@ -62,6 +62,12 @@ def breaking(monkeypatch):
     return arrange
 
 
+@pytest.fixture
+def found(monkeypatch, fitted):
+    """Let `fit` find at once what a diagnosis knows after a fit."""
+    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
+
+
 def run(args):
     return CliRunner().invoke(main, args)
 
@@ -118,9 +124,8 @@ def test_what_was_found_before_a_bug_is_kept(tmp_path, breaking, fitted):
     assert data["causes"][0]["effect"] == "coulomb_friction"
 
 
-def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, fitted):
+def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, found):
     args = write(tmp_path)
-    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
     monkeypatch.setattr("sklearn_pgnn.cli.diagnose.render_report", lambda *_: 1 / 0)
     result = run([*args, "--quiet"])
     assert result.exit_code == 3
@@ -129,9 +134,8 @@ def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, fitte
 
 
 @pytest.mark.parametrize("lost", ["all_members", "residual_tests", "dot_plot", "correlation"])
-def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeypatch, fitted, lost):
+def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeypatch, found, lost):
     args = write(tmp_path)
-    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
     monkeypatch.setattr(f"sklearn_pgnn.inspection.report.content.{lost}", lambda *_: 1 / 0)
     result = run([*args, "--quiet"])
     assert result.exit_code == 3
@@ -140,9 +144,8 @@ def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeyp
     assert "Coulomb friction" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_full_disk_is_no_bug(tmp_path, monkeypatch, fitted):
+def test_a_full_disk_is_no_bug(tmp_path, monkeypatch, found):
     args = write(tmp_path)
-    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
 
     def full(*_, **__):
         raise OSError(28, "No space left on device")
@@ -188,8 +191,8 @@ def test_a_signal_leaves_nothing_behind(tmp_path, number, at):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def come(number=signal.SIGTERM):
-    signal.raise_signal(number)
+def come():
+    signal.raise_signal(signal.SIGTERM)
 
 
 def test_a_signal_waits_for_what_must_be_whole():

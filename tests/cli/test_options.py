@@ -22,18 +22,18 @@ def completed(*words):
     return [tuple(line.split(",", 1)) for line in result.stdout.splitlines()]
 
 
-def test_commands_are_completed():
-    assert ("plain", "diagnose") in completed("dia")
-
-
-def test_files_are_completed_where_files_are_meant():
-    assert completed("diagnose", "rec") == [("file", "rec")]
-    assert completed("diagnose", "--model", "mod") == [("file", "mod")]
-
-
-def test_effects_are_completed_after_a_comma_too():
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("dia",), ("plain", "diagnose")),
+        (("diagnose", "rec"), ("file", "rec")),
+        (("diagnose", "--model", "mod"), ("file", "mod")),
+        (("diagnose", "--exclude", "leak,cog"), ("plain", "leak,cogging")),
+    ],
+)
+def test_commands_files_and_effects_are_completed(words, told):
+    assert completed(*words) == [told]
     assert len(completed("diagnose", "--catalogue", "")) == len(CATALOGUE)
-    assert completed("diagnose", "--exclude", "leak,cog") == [("plain", "leak,cogging")]
 
 
 @pytest.mark.parametrize("shell", SHELLS)

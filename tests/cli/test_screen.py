@@ -153,25 +153,20 @@ def test_a_formula_has_a_column_of_its_own_in_every_table(capsys):
 
 
 @pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
-def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
+def test_a_free_run_that_says_nothing_or_became_worse_is_told_with_any_verdict(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
     silence = "The free run is not informative: without restarts, no model predicts"
+    worse = "its error is larger than as given, in units of the noise: 2.00"
     assert silence not in shown(capsys, lost)
     lost.free_run_ = {"v": FreeRunError(3.0, 2.0, 1.0, tells=False)}
     assert shown(capsys, lost).count(silence) == 1
-
-
-@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
-def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdict):
-    lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
-    lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
     noise = lost.gain_["v"].noise
     lost.free_run_ = {"v": FreeRunError(2.0 * noise, 2.0 * noise, 2.04 * noise)}
     assert "its error is larger" not in shown(capsys, lost)  # by less than is worth a word
     lost.free_run_ = {"v": FreeRunError(2.0 * noise, 4.0 * noise, 8.0 * noise)}
     text = shown(capsys, lost)
-    assert "its error is larger than as given, in units of the noise: 2.00" in text
+    assert worse in text
     assert "make window_length longer, or fix known parameters." in text
     lost.data_quality_ = (Finding("short records", "t", "few windows", 3.0, "record longer"),)
     assert "record longer, or fix known parameters." in shown(capsys, lost)

@@ -166,7 +166,13 @@ def test_a_report_says_as_a_screen_does_that_a_cause_was_compared_with_none(fric
     assert f"Confused with: {said}." in re.sub(r"<[^>]+>", "", render_report(early))
 
 
-def test_units_have_superscripts(friction):
+# -- equations -------------------------------------------------------------------------------------
+
+
+def test_minus_signs_are_no_hyphens_and_units_have_superscripts(report, friction):
+    assert "<mo>-</mo>" not in report
+    assert "<mn>-" not in report
+    assert "<mo>&#x2212;</mo>" in report
     changed = copy(friction)
     changed.parameters_ = {"m": replace(friction.parameters_["m"], unit="kg m^2")}
     text = render_report(changed)
@@ -174,27 +180,14 @@ def test_units_have_superscripts(friction):
     assert "m^2)" not in text
 
 
-# -- equations -------------------------------------------------------------------------------------
-
-
-def test_minus_signs_are_no_hyphens(report):
-    assert "<mo>-</mo>" not in report
-    assert "<mn>-" not in report
-    assert "<mo>&#x2212;</mo>" in report
-
-
 def test_a_long_sum_may_break_between_its_terms():
     names = ("force", "stiffness", "damping", "friction", "cubic", "load")
+    force = "force - stiffness*x - damping*v - friction*sign(v) - cubic*x**3 + load"
     model = PhysicsModel(
-        states={"x": "m", "v": "m/s"},
-        equations={
-            "x": "v",
-            "v": "(force - stiffness*x - damping*v - friction*sign(v) - cubic*x**3 + load)/mass",
-        },
-        parameters=dict.fromkeys(
-            ("stiffness", "damping", "friction", "cubic", "load", "mass"), 1.0
-        ),
-        inputs={"force": "N"},
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": f"({force})/mass"},
+        dict.fromkeys(("stiffness", "damping", "friction", "cubic", "load", "mass"), 1.0),
+        {"force": "N"},
     )
     short, long = (equation.mathml for equation in equations_of(model, model))
     assert short.count("<math") == 1

@@ -33,6 +33,12 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import robot_in
 from sklearn_pgnn.trajectories import read_records
 
+MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")
+RESULT, LOOK = Path("result"), Path("look.html")
+#: hidden effect of the example's cart, and the number of its records
+FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
+_HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
+
 
 def draw_look(model: PhysicsModel, X, y) -> str:
     """Return how the model as given follows the records: warnings, a table, and every record."""
@@ -86,12 +92,6 @@ def _plots(model: PhysicsModel, record, run) -> list[tuple[str, Markup]]:
     return plots
 
 
-MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")
-RESULT, LOOK = Path("result"), Path("look.html")
-#: hidden effect of the example's cart, and the number of its records
-FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
-
-
 def take_model(progress: Callable, label: str) -> dict:
     """Accept the new model file, if it is valid, and return its content."""
     with warnings.catch_warnings(record=True) as told:
@@ -130,9 +130,6 @@ def make_example(progress: Callable) -> dict:
         table.to_csv(f"{place}.csv", index=False)
         names.append(f"cart_{place}.csv")
     return {"model": take_system(progress, "cart-on-spring"), "files": names}
-
-
-_HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
 
 
 def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:

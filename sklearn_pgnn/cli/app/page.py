@@ -10,6 +10,9 @@ from sklearn_pgnn.cli.app.visitor import Visitor
 from sklearn_pgnn.cli.app.work import RECORD_BYTES
 from sklearn_pgnn.cli.options import SYSTEMS
 
+#: the pieces, in the order in which one comes to them
+PIECES = ("model", "records", "columns", "seen", "work", "result")
+
 
 def render(name: str, **content) -> str:
     """Return a template of the page, filled with its content."""
@@ -48,10 +51,6 @@ def _room():
     )
     room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
     return room
-
-
-#: the pieces, in the order in which one comes to them
-PIECES = ("model", "records", "columns", "seen", "work", "result")
 
 
 def page(visitor: Visitor) -> str:

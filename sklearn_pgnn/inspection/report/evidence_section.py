@@ -31,6 +31,12 @@ from sklearn_pgnn.physics.shown_states import shown_states
 
 #: points of a cloud that are drawn
 CLOUD = 1500
+#: what a map shows first
+SHOWN = "as the records show it"
+#: cells of a side, samples that a cell needs, and shades of a colour
+CELLS, LEAST, SHADES = 34, 3, 8
+#: bins of the histogram, and how far it reaches in standard deviations
+BINS, REACH = 41, 4.0
 
 
 def characteristics(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
@@ -87,12 +93,6 @@ def _draw(name: str, evidence: Evidence, beside: list[Line]) -> dict:
         "legend": legend,
         "plot": plot.html(),
     }
-
-
-#: what a map shows first
-SHOWN = "as the records show it"
-#: cells of a side, samples that a cell needs, and shades of a colour
-CELLS, LEAST, SHADES = 34, 3, 8
 
 
 def residual_maps(diagnosis, formula: FoundFormula | None) -> list[dict]:
@@ -202,10 +202,6 @@ def _cells(values, axes, x, y):
         [np.median(sorted_values[a : a + n]) for a, n in zip(first[full], count[full], strict=True)]
     )
     return cells[full] // CELLS, cells[full] % CELLS, medians
-
-
-#: bins of the histogram, and how far it reaches in standard deviations
-BINS, REACH = 41, 4.0
 
 
 def residual_tests(diagnosis) -> dict[str, list[dict]]:

@@ -11,6 +11,9 @@ from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, stri
 from sklearn_pgnn.simulation.uncertainty import correlations
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 
+#: correlation from which on two parameters are named, and shades of a colour
+TIGHT, SHADES = 0.9, 5
+
 
 @dataclass(frozen=True)
 class ParameterFacts:
@@ -110,10 +113,6 @@ def _strip(scale: Scale, name: str, p, freedom, css: str) -> Markup:
         shapes.append(whisker(low, high, "whisker", said))
     shapes.append(dot(at(p.value), "named" if css == "look" else "candidate", f"{name}: {said}"))
     return strip(f"{name}: {said}", shapes)
-
-
-#: correlation from which on two parameters are named, and shades of a colour
-TIGHT, SHADES = 0.9, 5
 
 
 def correlation(diagnosis) -> dict | None:

@@ -12,6 +12,8 @@ from pathlib import Path
 from sklearn_pgnn.inspection.numbers import number, percent
 from sklearn_pgnn.physics.channel_kinds import in_words
 
+LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
+
 
 @dataclass(frozen=True)
 class SourceFile:
@@ -119,9 +121,6 @@ class Provenance:
         """
         file = None if model is None else SourceFile.read(model)
         return cls(file, tuple(map(SourceFile.read, data)), command, date)
-
-
-LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
 
 
 def method(diagnosis) -> str:

@@ -20,6 +20,11 @@ from sklearn_pgnn.inspection.yardstick import (
 )
 from sklearn_pgnn.record_quality.wording import listed
 
+#: the colours of a tile, the best first, and what they mean to those who see none
+STATES = {"good": "OK", "look": "look at this", "bad": "not OK"}
+#: probability from which on a cause counts as sure
+SURE = 0.95
+
 
 @dataclass(frozen=True)
 class Part:
@@ -78,12 +83,6 @@ def _said(part: Part) -> str:
     if not part.size:
         return f"{part.name}: nothing"
     return f"{part.name}: {times(part.before)} → {times(part.after)}"
-
-
-#: the colours of a tile, the best first, and what they mean to those who see none
-STATES = {"good": "OK", "look": "look at this", "bad": "not OK"}
-#: probability from which on a cause counts as sure
-SURE = 0.95
 
 
 @dataclass(frozen=True)

@@ -98,9 +98,6 @@ def run(seed=0, header="t,F,speed", scales=(1, 1, 1)):
 @pytest.mark.parametrize("host", ["example.org", "127.0.0.1", "127.0.0.1:1", "", "localhost.evil"])
 def test_another_host_is_refused(port, host):
     assert Client(port).get("/", Host=host).status in (400, 421)
-
-
-def test_localhost_is_the_same_host(port):
     assert Client(port).get("/", Host=f"localhost:{port.port}").status == 200
 
 
