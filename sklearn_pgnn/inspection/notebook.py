@@ -7,13 +7,12 @@ from sklearn.base import BaseEstimator
 
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.case import model_with_all
-from sklearn_pgnn.inspection.cause_names import cause_name
+from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.numbers import (
     chance,
     free_run_error,
     least_size,
-    measured,
     number,
     share,
     typeset_unit,
@@ -102,16 +101,13 @@ def effect_latex(effect) -> str | None:
 
 def cause_html(cause, complete: bool = True) -> str:
     """Return a named cause as HTML; whether it was compared with others, `complete` says."""
-    rows = [
-        (name.replace("_", " "), measured(e.value, e.low, e.high, typeset_unit(e.unit)))
-        for name, e in cause.parameters.items()
-    ]
-    rows += [
+    rows = (
+        *sizes_of(cause).items(),
         ("error on held-out windows", f"{-cause.gain:+.0f} %"),
         ("probability", chance(cause.probability)),
         ("confused with", rivals_or_none(cause, complete)),
         ("check on the rig", cause.check or "-"),
-    ]
+    )
     name = escape(cause_name(cause.effect, cause.target))
     return _box(f"<b>{name}</b><div>{escape(cause.summary)}</div>", _table((), rows))
 

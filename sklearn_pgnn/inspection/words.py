@@ -113,13 +113,9 @@ def _together(said: str, causes: str, diagnosis) -> str:
 
 def _nothing_found(diagnosis) -> str:
     """Return that much is left, and that nothing that was tried explains it."""
-    the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
-    left = [
-        f"{times(e.refitted)} {_of(output, 'the noise', errors)}" for output, e in errors.items()
-    ]
     said = (
-        f"No effect of the catalogue improves the {the_model}; but after re-tuning it leaves "
-        f"{listed(left)}."
+        f"No effect of the catalogue improves the {_the_model(diagnosis)}; but after re-tuning it "
+        f"leaves {_left(over_windows(diagnosis), 'refitted')}."
     )
     return f"{said} {_in_free_run(diagnosis)}".strip()
 
@@ -133,17 +129,23 @@ def _is_adequate(diagnosis) -> str:
     the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
     if not diagnosis.complete_:
         return f"The re-tuned {the_model} leaves little more than noise."
-    noise = {output: _of(output, "the noise", errors) for output in errors}
     if is_adequate_as_given(diagnosis):
-        left = [f"{times(e.prior)} {noise[output]}" for output, e in errors.items()]
-        said = f"as given: it leaves {listed(left)}, and no"
+        said = f"as given: it leaves {_left(errors, 'prior')}, and no"
     else:
-        left = [
-            f"{times(e.refitted)} {noise[output]} (as given {times(e.prior)})"
+        left = listed(
+            f"{times(e.refitted)} {_of(output, 'the noise', errors)} (as given {times(e.prior)})"
             for output, e in errors.items()
-        ]
-        said = f"after re-tuning: it leaves {listed(left)}. No"
+        )
+        said = f"after re-tuning: it leaves {left}. No"
     return f"The {the_model} is adequate {said} effect of the catalogue improves it."
+
+
+def _left(errors, which: str) -> str:
+    """Return what a model leaves of every output, in units of the noise."""
+    return listed(
+        f"{times(getattr(e, which))} {_of(output, 'the noise', errors)}"
+        for output, e in errors.items()
+    )
 
 
 def _of(output: str, what: str, outputs) -> str:
@@ -240,7 +242,6 @@ def _described(diagnosis) -> str:
     if part is None:
         return ""
     on, errors, runs = dependence(diagnosis, part), over_windows(diagnosis), in_free_run(diagnosis)
-    left = [f"{times(e.best)} {_of(output, 'the noise', errors)}" for output, e in errors.items()]
     free = listed(
         f"{times(run.best)}{f' of {output}' if len(runs) > 1 else ''}"
         for output, run in runs.items()
@@ -248,8 +249,9 @@ def _described(diagnosis) -> str:
     )
     return (
         f"Something is missing in {place_name(diagnosis.model, part.target)}. {on}With "
-        f"{readable(part.formula)} added there the model leaves {listed(left)} over held-out "
-        f"windows{f', and in free run {free}' if free else ''}. {known_sentence(diagnosis, part)}"
+        f"{readable(part.formula)} added there the model leaves {_left(errors, 'best')} over "
+        f"held-out windows{f', and in free run {free}' if free else ''}. "
+        f"{known_sentence(diagnosis, part)}"
     ).rstrip()
 
 

@@ -6,8 +6,8 @@ from sklearn_pgnn.diagnosis.noise_units import scaled_error
 from sklearn_pgnn.estimation.fitted_records import FittedWindows, as_judged
 from sklearn_pgnn.experiment_design.separation import swap
 from sklearn_pgnn.inspection.case import known_effects
-from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import chance, measured, number, times, typeset_unit
+from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
+from sklearn_pgnn.inspection.numbers import chance, number, times, typeset_unit
 from sklearn_pgnn.inspection.report.finding import expectation
 from sklearn_pgnn.inspection.report.tiles import parts_of_error
 from sklearn_pgnn.inspection.words import separation_sentence
@@ -98,12 +98,10 @@ def _cause(diagnosis, cause) -> dict:
         "check": cause.check,
         "expectation": expectation(cause),
         "parameters": [
-            {
-                "name": field.replace("_", " "),
-                "symbol": symbols[field],
-                "value": measured(e.value, e.low, e.high, typeset_unit(e.unit)),
-            }
-            for field, e in cause.parameters.items()
+            {"name": name, "symbol": symbol, "value": size}
+            for (name, size), symbol in zip(
+                sizes_of(cause).items(), map(symbols.get, cause.parameters), strict=True
+            )
         ],
         "probability": chance(cause.probability),
         "outside": chance(cause.outside),

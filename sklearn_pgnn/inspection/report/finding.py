@@ -3,8 +3,8 @@
 from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.case import known_effects
-from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import measured, number, sized, times, typeset_unit
+from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
+from sklearn_pgnn.inspection.numbers import number, sized, times, typeset_unit
 from sklearn_pgnn.inspection.remedies import (
     known_remedy,
     known_sentence,
@@ -139,11 +139,7 @@ def next_step(diagnosis) -> str:
 
 def expectation(cause) -> str:
     """Return what the check of a cause on the rig should show: every parameter's interval."""
-    sizes = (
-        f"{field.replace('_', ' ')} {measured(e.value, e.low, e.high, typeset_unit(e.unit))}"
-        for field, e in cause.parameters.items()
-    )
-    return f"Expect {listed(sizes)}."
+    return f"Expect {listed(f'{name} {size}' for name, size in sizes_of(cause).items())}."
 
 
 def _check(diagnosis) -> str:
