@@ -3,7 +3,6 @@
 import re
 from copy import copy
 from dataclasses import replace
-from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import matplotlib.pyplot as plt
@@ -72,35 +71,14 @@ def report(friction, tmp_path_factory):
     return path.read_text(encoding="utf-8")
 
 
-class Reader(HTMLParser):
-    """Collect tags, headings and what the file asks from elsewhere."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.tags, self.sources, self.headings, self.inside = [], [], [], None
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.sources += [value for key, value in attrs if key in ("src", "href")]
-        self.inside = tag
-
-    def handle_data(self, data):
-        if self.inside in ("h1", "h2"):
-            self.headings.append(data.strip())
-        self.inside = None
-
-
 # -- the report ------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
 @pytest.mark.core
 def test_the_report_needs_nothing_else(report):
-    read = Reader(report)
-    assert not read.sources
-    assert not {"link", "iframe", "object", "img"} & set(read.tags)
-    assert read.tags.count("script") == 1
+    assert not re.search(r"<(link|iframe|object|img)\b|<[^>]*\b(src|href)=", report)
+    assert report.count("<script") == 1
     assert "url(" not in report
     assert "@import" not in report
 
@@ -114,7 +92,7 @@ def test_names_of_the_model_are_escaped(report):
 
 @pytest.mark.core
 def test_the_verdict_comes_first_and_everything_is_there(report, friction):
-    headings = Reader(report).headings
+    headings = re.findall(r"<h[12][^>]*>\s*([^<]*)", report)
     order = ["Cart", "What is missing", "Measured", "Evidence", "Equations", "Parameters"]
     found = [next(i for i, h in enumerate(headings) if h.startswith(name)) for name in order]
     assert found == sorted(found)
