@@ -55,19 +55,6 @@ class FoundFormula:
         """Unit of what the formula says: of an effort, a rate, or of the input or output."""
         return unit_at(self.model, self.part.target)
 
-    @property
-    def force(self) -> str:
-        """Unit of the force that a rate stands for; empty where it has no inertia."""
-        target, model = self.part.target, self.model
-        is_rate = target in model.inertia and not is_effort(model, target)
-        return model.port(target).unit if is_rate else ""
-
-    @property
-    def inertia(self) -> str:
-        """The inertia of a rate that a force stands for."""
-        port = self.model.port(self.part.target) if self.force else None
-        return "" if port is None else to_text(inertia_at(port, self.model))
-
     @cached_property
     def samples(self) -> Samples:
         """The records, with states and inputs as the model has them."""
@@ -118,14 +105,18 @@ def told_formula(formula: FoundFormula) -> dict:
     """Return what a report shows of a formula: plain text by the template's variable."""
     part, model = formula.part, formula.model
     moving = {*map(symbol, (*model.states, *model.inputs)), TIME}
+    port = None
+    if part.target in model.inertia and not is_effort(model, part.target):
+        port = model.port(part.target)  # the rate stands for a force
+    force = "" if port is None else port.unit
     expression = sympy.Add(*(symbol(term.name) * term.expression for term in formula.terms))
     return {
         "place": place_name(formula.diagnosis.model, part.target),
         "dependence": dependence(formula.diagnosis, part),
         "left": times(part.error),
         "unit": typeset_unit(formula.unit) or "-",
-        "force": typeset_unit(formula.force),
-        "inertia": formula.inertia,
+        "force": typeset_unit(force),
+        "inertia": to_text(inertia_at(port, model)) if port and force else "",
         "mathml": mathml_of(expression, moving),
         "text": to_text(expression),
         "terms": [
