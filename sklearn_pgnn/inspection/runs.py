@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.inspection.style import LABELS
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -40,7 +41,7 @@ def run_from_starts(model: PhysicsModel, windowed: WindowedRecords) -> list[Simu
     ]
 
 
-def fit_percentage(measured, simulated) -> np.ndarray:
+def fit_percentage(measured: ArrayLike, simulated: ArrayLike) -> np.ndarray:
     r"""Return the fit of a simulation to measured outputs, in percent.
 
     .. math:: 100 \left(1 - \frac{\| y - \hat y \|}{\| y - \bar y \|}\right)
