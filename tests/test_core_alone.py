@@ -33,7 +33,7 @@ USES = {
         "sklearn_pgnn.datasets.load_silverbox()",
     ],
     "dask": [
-        "from sklearn_pgnn.cli.cluster import on_cluster\nwith on_cluster('tcp://x'): pass",
+        "from sklearn_pgnn.cli.fleet_job import on_cluster\nwith on_cluster('tcp://x'): pass",
     ],
     "control": [
         "sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())",

@@ -59,7 +59,7 @@ HOMES = {
     "fmpy": ("priors/fmu_",),
     "mujoco": ("priors/robot",),
     "control": ("export/control_system", "priors/nlsys"),
-    "distributed": ("cli/cluster",),
+    "distributed": ("cli/fleet_job",),
     "nonlinear_benchmarks": ("datasets/public",),
 }
 

@@ -3,20 +3,25 @@
 import click
 
 from sklearn_pgnn import __version__
-from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, init, simulate
-from sklearn_pgnn.cli.completion import FILE, PROGRAM, SHELLS, completion_script
+from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, fleet, init, simulate
 from sklearn_pgnn.cli.ending import run_to_the_end, take_any_text
 from sklearn_pgnn.cli.export import export
-from sklearn_pgnn.cli.fleet import fleet
-from sklearn_pgnn.cli.guard import guarded
+from sklearn_pgnn.cli.guard import job
 from sklearn_pgnn.cli.options import (
-    diagnosis_options,
-    job_options,
-    list_effects,
-    records_arguments,
-    result_options,
+    CORES,
+    DIAGNOSIS,
+    FILE,
+    FORCE,
+    LIST_EFFECTS,
+    PROGRAM,
+    RECORDS,
+    SHELLS,
+    SHOW,
+    TALK,
+    completion_script,
+    output_option,
+    with_options,
 )
-from sklearn_pgnn.cli.progress import show_progress
 
 EXAMPLE = """\b
 Example:
@@ -33,29 +38,14 @@ Install it with:
 class InOrder(click.Group):
     """Commands that are listed as one comes to use them."""
 
-    ORDER = (
-        "demo",
-        "init",
-        "check",
-        "simulate",
-        "fit",
-        "diagnose",
-        "detect",
-        "compare",
-        "fleet",
-        "export",
-        "app",
-    )
-
     def main(self, *args, **kwargs):
         """Run the command line."""
         take_any_text()
         return super().main(*args, **kwargs)
 
     def list_commands(self, context):
-        """Return the names of the commands; those that are not in the order come last."""
-        names = super().list_commands(context)
-        return sorted(names, key=lambda n: (n not in self.ORDER, (*self.ORDER, n).index(n)))
+        """Return the names of the commands as they were added."""
+        return list(self.commands)
 
 
 @click.group(cls=InOrder, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
@@ -64,14 +54,11 @@ def main():
     """Find what is wrong with a physical model of a machine, from records of the test rig."""
 
 
-@main.command(epilog=EXAMPLE)
-@records_arguments
-@click.option("--output", required=True, metavar="DIR", type=FILE, help="Folder for the results.")
-@result_options
-@diagnosis_options
-@job_options
-@list_effects
-def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options):
+@click.command(epilog=EXAMPLE)
+@with_options(*RECORDS, output_option("DIR", "Folder for the results."), FORCE, *SHOW)
+@with_options(*DIAGNOSIS, CORES, *TALK, LIST_EFFECTS)
+@job
+def diagnose(progress, data, model, output, quiet, force, as_json, opens, **options):
     """Diagnose a model on records.
 
     Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml (of a
@@ -82,17 +69,14 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
     verdict, 2 if the input cannot be used, 3 after an internal error that left a result, 1 after
     one that left none, 130 or 143 after Ctrl-C or SIGTERM.
     """
-    with guarded(debug):
-        with show_progress(quiet) as progress:
-            progress("loading the libraries")
-            from sklearn_pgnn.cli.diagnose import Job
+    from sklearn_pgnn.cli.diagnose import Job
 
-            job = Job(model, data, output, quiet, force, as_json, opens, options)
-            done = job.run(progress)
-        job.print_summary(done)
+    asked = Job(model, data, output, quiet, force, as_json, opens, options)
+    done = asked.run(progress)
+    return lambda: asked.print_summary(done)
 
 
-@main.command()
+@click.command()
 @click.option(
     "--output",
     default="sklearn_pgnn_demo",
@@ -101,21 +85,19 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
     type=FILE,
     help="Folder for the files of the demo.",
 )
-@result_options
-@job_options
-def demo(output, quiet, debug, **options):
+@with_options(FORCE, *SHOW, CORES, *TALK)
+@job
+def demo(_progress, output, quiet, **options):
     """Diagnose a simulated golf robot whose model lacks stick-slip.
 
     Writes the model file and the CSV records to DIR/input, and diagnoses them.
     """
-    with guarded(debug):
-        with show_progress(quiet) as progress:
-            progress("loading the libraries")
-            from sklearn_pgnn.cli.demo import run_demo
-        run_demo(output, quiet=quiet, **options)
+    from sklearn_pgnn.cli.demo import run_demo
+
+    return lambda: run_demo(output, quiet=quiet, **options)
 
 
-@main.command(epilog=WHERE)
+@click.command(epilog=WHERE)
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.pass_context
 def completion(context, shell):
@@ -128,5 +110,6 @@ def run() -> None:
     run_to_the_end(lambda: main(prog_name=PROGRAM))
 
 
-for command in (init, check, simulate, fit, detect, compare, fleet, export, app):
+COMMANDS = (demo, init, check, simulate, fit, diagnose, detect, compare, fleet, export, app)
+for command in (*COMMANDS, completion):
     main.add_command(command)

@@ -7,13 +7,14 @@ from typing import NamedTuple
 import click
 import pandas as pd
 
-from sklearn_pgnn.cli.records import open_model
-from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
+from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.inputs import open_model
+from sklearn_pgnn.cli.tables import heading, print_table, say, screen, warn
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.numbers import fit_text, number
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
@@ -66,48 +67,53 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     say(console, _summary(look), "bold")
     warn(console, look.warnings)
     if not quiet:
-        _print_records(console, look)
-        _print_quantities(console, checked)
-    _print_fit(console, look)
+        _print_contents(console, checked)
+    heading(console, "First simulation of the model as given, in free run")
+    fits = (
+        (o.output, fit_text(o.fit), number(o.error, 3), number(o.noise, 3), o.unit or "-")
+        for o in look.outputs
+    )
+    print_table(console, ("", "fit", "error (rms)", "noise", ""), fits)
+    say(console, "A fit of 100 % is perfect, 0 % no better than the mean of the records.", "dim")
     if checked.missing is not None:
         _print_missing(console, checked.missing)
 
 
 def _summary(look: FirstLook) -> str:
     model = look.model
-    parts = (model.states, model.inputs, model.outputs, model.free_parameters)
-    names = ("state", "input", "output", "free parameter")
-    counts = [
-        f"{len(p)} {n}{'' if len(p) == 1 else 's'}" for p, n in zip(parts, names, strict=True)
-    ]
+    kinds = ("states", "inputs", "outputs", "free_parameters")
+    sizes = {kind[:-1].replace("_", " "): len(getattr(model, kind)) for kind in kinds}
+    counts = [f"{n} {kind}{'' if n == 1 else 's'}" for kind, n in sizes.items()]
     held = "can be used" if not look.warnings else "can be read, with warnings"
     return f"The model of the {model.name} ({', '.join(counts)}) and the records {held}."
 
 
-def _print_records(console, look) -> None:
+def _print_contents(console, checked: Checked) -> None:
+    """Print what is in the files: the records, and the quantities."""
+    look = checked.look
     heading(console, "Records")
     outputs = look.outputs if len(look.records) > 1 else ()  # of one record, the last table tells
-    fits = [f"fit of {cell(o.output)}" for o in outputs]
-    rows = table("", "samples", "duration", "sample time", *fits)
-    for r in look.records:
-        times = f"{number(r.duration)} s", f"{number(r.sample_time)} s"
-        fit = [fit_text(r.fit[o.output]) for o in outputs]
-        rows.add_row(cell(r.name), str(r.samples), *times, *fit)
-    print_table(console, rows)
-
-
-def _print_quantities(console, checked) -> None:
-    heading(console, "Contents")
-    rows = table("", "", "from", "to", "", "missing")
-    for q in checked.look.quantities:
-        missing = str(q.missing) if q.missing else ""
-        rows.add_row(
-            cell(q.name), q.role, number(q.low), number(q.high), cell(q.unit or "-"), missing
+    fits = [f"fit of {one_line(o.output)}" for o in outputs]
+    records = (
+        (
+            r.name,
+            r.samples,
+            f"{number(r.duration)} s",
+            f"{number(r.sample_time)} s",
+            *(fit_text(r.fit[o.output]) for o in outputs),
         )
-    print_table(console, rows)
+        for r in look.records
+    )
+    print_table(console, ("", "samples", "duration", "sample time", *fits), records)
+    heading(console, "Contents")
+    quantities = (
+        (q.name, q.role, number(q.low), number(q.high), q.unit or "-", q.missing or "")
+        for q in look.quantities
+    )
+    print_table(console, ("", "", "from", "to", "", "missing"), quantities)
     for name, (given, wanted) in checked.converted.items():
         say(console, f"Converted: {name} from {given} to {wanted}.")
-    say(console, f"Assumed of the channels: {in_words(checked.look.model)}.")
+    say(console, f"Assumed of the channels: {in_words(look.model)}.")
     if checked.unused:
         say(console, f"Not used: {', '.join(checked.unused)}.")
 
@@ -115,23 +121,14 @@ def _print_quantities(console, checked) -> None:
 def _print_missing(console, missing: pd.DataFrame) -> None:
     """Print what is missing at each port, and what explains it best."""
     heading(console, "Missing at the joints, by torque minus inverse dynamics")
-    rows = table("", "missing (rms)", "", "explained by sign of the velocity", "by all laws")
-    for name, row in missing.iterrows():
-        shares = (f"{100 * row[law]:.0f} %" for law in ("sign(flow)", "all"))
-        rows.add_row(cell(str(name)), number(row["missing"]), cell(row["unit"]), *shares)
-    print_table(console, rows)
-
-
-def _print_fit(console, look) -> None:
-    heading(console, "First simulation of the model as given, in free run")
-    rows = table("", "fit", "error (rms)", "noise", "")
-    for o in look.outputs:
-        rows.add_row(
-            cell(o.output),
-            fit_text(o.fit),
-            number(o.error, 3),
-            number(o.noise, 3),
-            cell(o.unit or "-"),
+    rows = (
+        (
+            name,
+            number(row["missing"]),
+            row["unit"],
+            *(f"{100 * row[law]:.0f} %" for law in ("sign(flow)", "all")),
         )
-    print_table(console, rows)
-    say(console, "A fit of 100 % is perfect, 0 % no better than the mean of the records.", "dim")
+        for name, row in missing.iterrows()
+    )
+    titles = ("", "missing (rms)", "", "explained by sign of the velocity", "by all laws")
+    print_table(console, titles, rows)

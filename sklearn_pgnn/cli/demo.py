@@ -2,19 +2,19 @@
 
 import shlex
 from pathlib import Path
+from typing import Any
 
 import click
 
 from sklearn_pgnn.cli.diagnose import NAMES, Job
-from sklearn_pgnn.cli.guard import one_line, writing
+from sklearn_pgnn.cli.guard import one_line, show_progress, writing
 from sklearn_pgnn.cli.output import check_free
-from sklearn_pgnn.cli.progress import show_progress
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.physics.effects import StribeckFriction
 from sklearn_pgnn.physics.systems import golf_robot
 
 HIDDEN = StribeckFriction("omega", level=0.1, peak=0.1, velocity=0.3)
-RECORDS, DURATION, SAMPLE_RATE = 6, 10.0, 100.0
+SIZES: dict[str, Any] = {"n_records": 6, "duration": 10.0, "sample_rate": 100.0}
 
 
 def run_demo(
@@ -26,11 +26,7 @@ def run_demo(
     as_json: bool = False,
     opens: bool = False,
 ) -> None:
-    """Write the model file and the records, diagnose them, and report the findings.
-
-    The input goes to the folder ``input`` of the output. `n_jobs` is the number of threads, and of
-    processes where these pay; with `as_json` ``diagnosis.json`` is printed in place of words.
-    """
+    """Write the model file and the records to ``input``, diagnose them, and report the findings."""
     check_free(Path(output), NAMES, force=force)
     place, words = Path(output) / "input", not (quiet or as_json)
     with show_progress(quiet) as progress:
@@ -48,44 +44,26 @@ def run_demo(
 
 
 def write_input(folder: Path) -> tuple[Path, list[Path]]:
-    """Write the model file and the records."""
-    hidden = make_hidden_effect(
-        golf_robot(),
-        HIDDEN,
-        n_records=RECORDS,
-        duration=DURATION,
-        sample_rate=SAMPLE_RATE,
-        random_state=0,
-    )
+    """Write the model file and the records, with units as a measuring system would."""
+    hidden = make_hidden_effect(golf_robot(), HIDDEN, **SIZES, random_state=0)
     folder.mkdir(parents=True, exist_ok=True)
-    model = folder / "golf_robot.yaml"
-    _rounded(hidden.prior).to_yaml(model)
-    return model, _write_records(hidden, folder)
-
-
-def _write_records(hidden, folder: Path) -> list[Path]:
-    """Write one file per record, with units in the header as a measuring system would."""
-    prior, paths = hidden.prior, []
-    names = [*prior.inputs, *prior.outputs]
+    model, prior = folder / "golf_robot.yaml", hidden.prior
+    rounded = {name: float(f"{p.value:.4g}") for name, p in prior.parameters.items()}
+    prior.with_parameters(**rounded).to_yaml(model)  # as on a data sheet
+    names, paths = [*prior.inputs, *prior.outputs], []
     titles = {"t": "t [s]", **{name: f"{name} [{prior.unit(name)}]" for name in names}}
     table = hidden.X[["trajectory", "t", *prior.inputs]].join(hidden.y)
     for number, rows in table.groupby("trajectory"):
         paths.append(folder / f"record_{number + 1}.csv")
         rows = rows.drop(columns="trajectory").rename(columns=titles)
         rows.to_csv(paths[-1], index=False, float_format="%.6g")
-    return paths
-
-
-def _rounded(model):
-    """Round the parameters as a data sheet would."""
-    values = {name: float(f"{p.value:.4g}") for name, p in model.parameters.items()}
-    return model.with_parameters(**values)
+    return model, paths
 
 
 def _print_task(model: Path, data: list[Path]) -> None:
     click.echo(
         f"A golf robot, a driven pendulum, was simulated with stick-slip in its bearing: "
-        f"{len(data)} records of {DURATION:g} s.\n"
+        f"{len(data)} records of {SIZES['duration']:g} s.\n"
         f"Its model lacks the stick-slip, and its parameters are some percent off.\n"
         f"Model file and records are in {one_line(model.parent)}.\n"
     )

@@ -4,22 +4,28 @@ from collections.abc import Callable
 
 import click
 
-from sklearn_pgnn.cli.choices import check_candidates, choose_effects, choose_targets, read_noise
-from sklearn_pgnn.cli.records import read_model_and_records
-from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
+from sklearn_pgnn.cli.inputs import (
+    check_candidates,
+    choose_effects,
+    choose_targets,
+    read_model_and_records,
+    read_noise,
+)
+from sklearn_pgnn.cli.tables import print_table, say, screen, warn
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.least_size import least_size
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.numbers import least_size
+from sklearn_pgnn.inspection.result_files import as_strict_json
+
+#: what a model that leaves structure hides
+HIDES = (
+    "The re-tuned model leaves more than noise, which counts as noise here. Remedy: diagnose "
+    "first, and take the resulting extended_model.yaml."
+)
 
 
 class DetectJob:
-    """The detectability of effects in files of records.
-
-    `power` is the probability with which an effect should be named; for the words of `noise`,
-    `catalogue`, `exclude` and `targets` see `sklearn_pgnn.cli.choices`. The sample time [s] is that
-    of files without a time; `options` are those of `ModelDiagnosis`.
-    """
+    """The detectability of effects in files of records; `options` are those of `ModelDiagnosis`."""
 
     def __init__(
         self, model, data, *, power, noise, catalogue, exclude, targets, sample_time=None, **options
@@ -44,31 +50,17 @@ class DetectJob:
             click.echo(as_strict_json({"power": found.power, "effects": rows}), nl=False)
             return
         console = screen()
-        if not quiet:
-            warn(console, self._reservations())
+        if not quiet and self.diagnosis.remaining_.kind != "noise":
+            warn(console, [HIDES])
         say(console, f"Named with probability {100 * found.power:.0f} % from this size on", "bold")
-        seen = [row for row in found.rows if not row.reason]
-        rows = table("", "", "")
-        for row in seen:
-            size = least_size(row, 3)
-            what = row.parameter.replace("_", " ")
-            rows.add_row(cell(cause_name(row.effect, row.target)), cell(what), cell(size))
-        print_table(console, rows)
-        never = [row for row in found.rows if row.reason]
-        if quiet or not never:
-            return
-        console.print()
-        say(console, "Without a smallest size in these records", "bold")
-        rows = table("", "")
-        for row in never:
-            rows.add_row(cell(cause_name(row.effect, row.target)), cell(row.reason))
-        print_table(console, rows)
-
-    def _reservations(self) -> list[str]:
-        """Return that a model which leaves more than noise hides more."""
-        if self.diagnosis.remaining_.kind == "noise":
-            return []
-        return [
-            "The re-tuned model leaves more than noise, which counts as noise here. Remedy: "
-            "diagnose first, and take the resulting extended_model.yaml."
-        ]
+        seen = (
+            (cause_name(r.effect, r.target), r.parameter.replace("_", " "), least_size(r, 3))
+            for r in found.rows
+            if not r.reason
+        )
+        print_table(console, ("", "", ""), seen)
+        never = [(cause_name(r.effect, r.target), r.reason) for r in found.rows if r.reason]
+        if never and not quiet:
+            console.print()
+            say(console, "Without a smallest size in these records", "bold")
+            print_table(console, ("", ""), never)

@@ -1,5 +1,6 @@
 """The job of ``sklearn-pgnn diagnose``: read, diagnose, write, print."""
 
+import shlex
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,15 +11,10 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 import click
+from click.core import ParameterSource
 
-from sklearn_pgnn.cli.choices import (
-    check_candidates,
-    choose_effects,
-    choose_targets,
-    read_noise,
-)
-from sklearn_pgnn.cli.command_line import command_line
 from sklearn_pgnn.cli.guard import Bug, one_line
+from sklearn_pgnn.cli.inputs import read_model, read_search, told_warnings
 from sklearn_pgnn.cli.output import (
     check_free,
     remove_files,
@@ -26,14 +22,13 @@ from sklearn_pgnn.cli.output import (
     strict_json,
     write_files,
 )
-from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import DiagnosisWarning, ModelError, ModelWarning, RecordWarning
 from sklearn_pgnn.export import to_mjcf, to_urdf
 from sklearn_pgnn.inspection.case import model_with_all
-from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
+from sklearn_pgnn.inspection.result_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.priors.robot_section import described_in
 from sklearn_pgnn.trajectories.files import read_files
 
@@ -42,9 +37,27 @@ ROBOTS = {".urdf": to_urdf, ".xml": to_mjcf, ".mjcf": to_mjcf}
 ROBOT = "extended_model"
 #: the files of a diagnosis
 NAMES = ("diagnosis.json", EXTENDED, *(f"{ROBOT}{ending}" for ending in ROBOTS), "report.html")
-
 #: time [s] that a diagnosis gets in any case
 SOON = 1e-3
+
+
+def command_line() -> str:
+    """Return the running command with its arguments, for a report; empty outside a command."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return ""
+    words = context.command_path.split()
+    for parameter in context.command.params:
+        name = parameter.name
+        if name and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            value = context.params[name]
+            values = value if isinstance(value, tuple) else (value,)
+            option = [] if isinstance(parameter, click.Argument) else [parameter.opts[-1]]
+            if getattr(parameter, "is_flag", False):
+                words += option if value else []
+            else:
+                words += [word for each in values for word in (*option, str(each))]
+    return shlex.join(words)
 
 
 class Done(NamedTuple):
@@ -61,7 +74,7 @@ class Job:
 
     With `quiet` the verdict only is printed, with `as_json` ``diagnosis.json`` in place of words.
     The options are ``sample_time`` as in `read_files`; words for ``noise``, ``catalogue``,
-    ``exclude`` and ``targets``, see `sklearn_pgnn.cli.choices`; all others as in `ModelDiagnosis`.
+    ``exclude`` and ``targets``, see `sklearn_pgnn.cli.inputs`; all others as in `ModelDiagnosis`.
     """
 
     model: str | PathLike
@@ -80,7 +93,9 @@ class Job:
         progress("reading the model and the records")
         model = read_model(self.model)
         begun = monotonic()
-        diagnosis = self._prepare(model, progress)
+        options = {name: value for name, value in self.options.items() if name != "sample_time"}
+        options |= read_search(model, options)
+        diagnosis = ModelDiagnosis(model, **options, progress=progress)
         with told_warnings(RecordWarning):
             X, y = read_files(self.data, model, self.options.get("sample_time"))
         if diagnosis.time_limit is not None:
@@ -95,7 +110,8 @@ class Job:
             kept = sorted(file.name for file in folder.iterdir())
         remove_files(Path(self.output), {*rivals} - {*kept})
         if (error := broken or failed) is not None:
-            raise Bug(error, self._kept(kept)) from error
+            place = f"The results so far are in {one_line(self.output)}: {', '.join(kept)}."
+            raise Bug(error, place if kept else "") from error
         return Done(diagnosis, warned, bool(earlier))
 
     def print_summary(self, done: Done) -> None:
@@ -111,22 +127,6 @@ class Job:
             print_diagnosis(done.diagnosis, Path(self.output), quiet=self.quiet)
         if self.opens:
             click.launch(str(Path(self.output, "report.html").absolute()))
-
-    def _prepare(self, model, progress) -> ModelDiagnosis:
-        """Return the diagnosis, with its options checked."""
-        options = {name: value for name, value in self.options.items() if name != "sample_time"}
-        noise = read_noise(options.pop("noise", ()), list(model.outputs))
-        effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
-        targets = choose_targets(options.pop("targets", ()), model)
-        check_candidates(model, effects, targets)
-        chosen: dict[str, Any] = {"noise_std": noise, "catalogue": effects, "targets": targets}
-        return ModelDiagnosis(model, **chosen, **options, progress=progress)
-
-    def _kept(self, names: Sequence[str]) -> str:
-        """Return a sentence on the files that were written before the failure."""
-        if not names:
-            return ""
-        return f"The results so far are in {one_line(self.output)}: {', '.join(names)}."
 
 
 def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
@@ -148,7 +148,12 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
 def write_results(folder: Path, diagnosis, provenance: Provenance) -> Exception | None:
     """Write the files of a result; return the error of a file or a part that was left out."""
     with _noted(DiagnosisWarning) as told:
-        failed = write_files(folder, result_texts(diagnosis, provenance))
+        texts = {
+            "diagnosis.json": lambda: strict_json(diagnosis),
+            **model_files(diagnosis),
+            "report.html": lambda: render_report(diagnosis, provenance),
+        }
+        failed = write_files(folder, texts)
     return next(iter(failed.values()), None) or _left_out(told)
 
 
@@ -180,12 +185,3 @@ def _left_out(told: Iterable[Warning]) -> Exception | None:
     """Return the error of the first stage or part that was left out."""
     errors = (each.__cause__ for each in told if isinstance(each, DiagnosisWarning))
     return next((error for error in errors if isinstance(error, Exception)), None)
-
-
-def result_texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:
-    """Return a function that writes the text of each file, by file name."""
-    return {
-        "diagnosis.json": lambda: strict_json(diagnosis),
-        **model_files(diagnosis),
-        "report.html": lambda: render_report(diagnosis, provenance),
-    }

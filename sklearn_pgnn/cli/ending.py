@@ -1,13 +1,77 @@
-"""The command as a process: streams that take every text, and an end without delay."""
+"""How a command ends: signals with an orderly end, streams that take every text, no delay."""
 
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
-from contextlib import suppress
-from types import FrameType
+from contextlib import contextmanager, suppress
 
-from sklearn_pgnn.cli.signals import SIGNALS
+import click
+
+#: by name, because no system has all of them
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+class _Stop:
+    """The signal received, and the number of blocks that defer it."""
+
+    came = 0
+    holders = 0
+
+
+def check() -> None:
+    """Raise `SystemExit` (128 + the signal's number) if a signal was received and not deferred."""
+    if _Stop.came and not _Stop.holders:
+        raise SystemExit(128 + _Stop.came)
+
+
+@contextmanager
+def held():
+    """Defer signals until the block has ended."""
+    _Stop.holders += 1
+    try:
+        yield
+    finally:
+        _Stop.holders -= 1
+    check()
+
+
+@contextmanager
+def stoppable():
+    """End the block in an orderly way on a signal.
+
+    A signal that the caller ignores, as ``nohup`` does, stays ignored.
+    """
+    before = _install()
+    try:
+        yield
+        check()
+    except SystemExit:
+        if _Stop.came:
+            click.echo(f"Stopped by {signal.Signals(_Stop.came).name}.", err=True)
+        raise
+    finally:
+        _Stop.came = 0
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _install() -> dict:
+    """Install the handlers; only the main thread may."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+
+    def come(number, _frame) -> None:
+        _Stop.came = number
+        check()
+
+    heard = [n for n in _numbers() if signal.getsignal(n) not in (signal.SIG_IGN, None)]
+    return {number: signal.signal(number, come) for number in heard}
+
+
+def _numbers() -> list[int]:
+    return [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
 
 
 def take_any_text() -> None:
@@ -39,8 +103,13 @@ def run_to_the_end(command: Callable[[], object]) -> None:
         raise
     finally:
         end_workers()
-        _drop_unwritten()
-        _end_on_signals(code)
+        try:
+            sys.stdout.flush()
+        except OSError:  # it was told, and is not told again at the end
+            with suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        for number in _numbers():
+            signal.signal(number, lambda *_: os._exit(code))
 
 
 def end_workers() -> None:
@@ -49,21 +118,3 @@ def end_workers() -> None:
     executor = getattr(executors, "_executor", None)
     if executor is not None:
         executor.shutdown(wait=True, kill_workers=True)
-
-
-def _drop_unwritten() -> None:
-    """Forget what stdout does not take: the error was told, and is not told again at the end."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        with suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _end_on_signals(code: int) -> None:
-    def end(_number: int, _frame: FrameType | None) -> None:
-        os._exit(code)
-
-    for name in SIGNALS:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), end)

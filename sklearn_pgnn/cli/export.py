@@ -6,10 +6,9 @@ from pathlib import Path
 
 import click
 
-from sklearn_pgnn.cli.completion import FILE
-from sklearn_pgnn.cli.guard import guarded, one_line, writing
-from sklearn_pgnn.cli.options import force_option, quiet_options
-from sklearn_pgnn.cli.progress import show_progress
+from sklearn_pgnn.cli.ending import held
+from sklearn_pgnn.cli.guard import job, one_line, writing
+from sklearn_pgnn.cli.options import FILE, FORCE, POSITIVE, TALK, output_option, with_options
 from sklearn_pgnn.whole_file import WorkingFolder
 
 #: the targets, and the options of each besides the name
@@ -31,10 +30,10 @@ NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
     type=click.Choice([*TARGETS]),
     help="One C99 file, an FMU for co-simulation, or Modelica text.",
 )
-@click.option("--output", required=True, metavar="FILE", type=FILE, help="Output file.")
+@with_options(output_option("FILE"))
 @click.option(
     "--interval",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     metavar="S",
     help="c, fmu: time from sample to sample [s].",
 )
@@ -63,32 +62,28 @@ NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
 )
 @click.option(
     "--friction-width",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     metavar="SPEED",
     help="modelica: speed over which the jump of dry friction is rounded off.",
 )
-@force_option
-@quiet_options
-def export(model, target, output, name, force, quiet, debug, **options):
+@with_options(FORCE, *TALK)
+@job
+def export(progress, model, target, output, name, force, quiet, **options):
     """Write a model file in the language of another tool.
 
     The C file and the FMU compute the same as the simulation, with sticking friction and delays.
     """
-    with guarded(debug):
-        with show_progress(quiet) as progress:
-            progress("loading the libraries")
-            from sklearn_pgnn.cli.output import refuse_existing
-            from sklearn_pgnn.cli.records import read_model
+    from sklearn_pgnn.cli.inputs import read_model
+    from sklearn_pgnn.cli.output import refuse_existing
 
-            given = check_options(target, options)
-            refuse_existing(output, force=force)
-            progress("reading the model")
-            read = read_model(model)
-            progress("writing")
-            write = writer_of(target)
-            _replace(Path(output), lambda path: write(read, path, name=name, **given))
-        if not quiet:
-            click.echo(f"Written: {one_line(output)}.")
+    given = check_options(target, options)
+    refuse_existing(output, force=force)
+    progress("reading the model")
+    read = read_model(model)
+    progress("writing")
+    write = writer_of(target)
+    _replace(Path(output), lambda path: write(read, path, name=name, **given))
+    return None if quiet else lambda: click.echo(f"Written: {one_line(output)}.")
 
 
 def check_options(target: str, options: dict) -> dict:
@@ -119,16 +114,15 @@ def writer_of(target: str) -> Callable:
     """Return the function that writes a model to a path."""
     from sklearn_pgnn import export as room
 
-    texts = {"c": room.to_c, "modelica": room.to_modelica}
-
-    def write_text(model, path, **options):
-        path.write_text(texts[target](model, **options), encoding="utf-8", newline="\n")
-
-    def write_unit(model, path, fmi="2", compiler="gcc", **options):
-        compiler = None if compiler == "none" else compiler
-        room.to_fmu(model, path, fmi=int(fmi), compiler=compiler, **options)
-
-    return write_text if target in texts else write_unit
+    if target == "fmu":
+        return lambda model, path, fmi="2", compiler="gcc", **options: room.to_fmu(
+            model, path, fmi=int(fmi), compiler=None if compiler == "none" else compiler, **options
+        )
+    texts: dict[str, Callable[..., str]] = {"c": room.to_c, "modelica": room.to_modelica}
+    text = texts[target]
+    return lambda model, path, **options: path.write_text(
+        text(model, **options), encoding="utf-8", newline="\n"
+    )
 
 
 def _flag(name: str) -> str:
@@ -137,8 +131,6 @@ def _flag(name: str) -> str:
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file completely or not at all."""
-    from sklearn_pgnn.cli.signals import held
-
     with held(), writing(path):
         folder = WorkingFolder(path.absolute().parent)
         try:

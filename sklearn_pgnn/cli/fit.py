@@ -3,46 +3,43 @@
 import click
 import numpy as np
 
-from sklearn_pgnn.cli.choices import read_noise, split
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.cli.records import read_model_and_records
-from sklearn_pgnn.cli.tables import cell, change, heading, print_table, say, screen, table
+from sklearn_pgnn.cli.inputs import read_model_and_records, read_noise, split
+from sklearn_pgnn.cli.tables import change, heading, print_table, say, screen
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.numbers import fit_text, measured, number
-from sklearn_pgnn.inspection.start_runs import run_records
-from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.inspection.result_files import as_strict_json
+from sklearn_pgnn.inspection.runs import fit_percentage, run_records
 from sklearn_pgnn.priors.robot_section import described_in, robot_text
 from sklearn_pgnn.trajectories import read_records
 
 
 class FitJob:
-    """A model file fitted to files of records.
-
-    The error of the free run is minimised, or that over windows. `free` are parameters to fit, all
-    that are not fixed if there are none; the sample time [s] is that of files without a time;
-    `options` are those of `PhysicsModelRegressor`.
-    """
+    """A model file fitted to files of records; `options` are those of `PhysicsModelRegressor`."""
 
     def __init__(self, model, data, *, free_run, free, noise, sample_time=None, **options):
         self.source = model
         self.prior, self.X, self.y = read_model_and_records(model, data, sample_time)
-        self.names = _known(split(free), self.prior)
+        names, known = split(free), self.prior.parameters
+        for name in names:
+            if name not in known:
+                raise OptionError(
+                    f"--free: expected parameters of the model ({', '.join(known) or 'none'}), "
+                    f"got {name!r}."
+                )
         if free_run:
             options["window_length"] = "trajectory"
         options["noise_std"] = read_noise(noise, list(self.prior.outputs))
-        self.regressor = PhysicsModelRegressor(self.prior, free=self.names, **options)
+        self.regressor = PhysicsModelRegressor(self.prior, free=names or None, **options)
 
     def run(self) -> None:
         """Fit, and simulate the model before and after."""
         self.regressor.fit(self.X, self.y)
         records = read_records(self.prior, self.X, self.y)
         y = np.concatenate([record.y for record in records])
-        said = self.regressor.hold, self.regressor.substeps
-        told = dict(zip(("hold", "substeps"), said, strict=True))
+        told = {"hold": self.regressor.hold, "substeps": self.regressor.substeps}
         self.fits = {
             which: fit_percentage(
                 y, np.concatenate([r.y for r in run_records(model, records, **told)])
@@ -82,32 +79,24 @@ class FitJob:
             return
         console = screen()
         say(console, "Fit in free run (100 % is perfect)", "bold")
-        rows = table("", "as given", "fitted")
-        for i, name in enumerate(self.prior.outputs):
-            rows.add_row(cell(name), *(fit_text(fit[i], 1) for fit in self.fits.values()))
-        print_table(console, rows)
+        fits = (
+            (name, *(fit_text(fit[i], 1) for fit in self.fits.values()))
+            for i, name in enumerate(self.prior.outputs)
+        )
+        print_table(console, ("", "as given", "fitted"), fits)
         if quiet:
             return
         heading(console, "Parameters (95 % interval)")
-        print_table(console, self._parameters())
+        given = {name: p.value for name, p in self.prior.parameters.items()}
+        rows = (
+            (
+                name,
+                number(given[name]),
+                measured(e.value, e.low, e.high, e.unit),
+                change(e.value, given[name]),
+            )
+            for name, e in self.regressor.parameters_.items()
+        )
+        print_table(console, ("", "as given", "fitted", "change"), rows)
         heading(console, "Written")
         console.print(f"  {one_line(output)}  (the fitted model; a model file again)")
-
-    def _parameters(self):
-        rows = table("", "as given", "fitted", "change")
-        for name, found in self.regressor.parameters_.items():
-            prior = self.prior.parameters[name].value
-            now = measured(found.value, found.low, found.high, found.unit)
-            rows.add_row(cell(name), number(prior), cell(now), change(found.value, prior))
-        return rows
-
-
-def _known(names: list[str], model: PhysicsModel) -> list[str] | None:
-    """Return the parameters to fit, None where none are named."""
-    unknown = [name for name in names if name not in model.parameters]
-    if unknown:
-        raise OptionError(
-            f"--free: expected parameters of the model ({', '.join(model.parameters) or 'none'}), "
-            f"got {unknown[0]!r}."
-        )
-    return names or None

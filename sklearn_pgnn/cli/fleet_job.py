@@ -4,30 +4,43 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
+from joblib import parallel_config
 
-from sklearn_pgnn.cli.choices import check_candidates, choose_effects, choose_targets, read_noise
-from sklearn_pgnn.cli.cluster import on_cluster
 from sklearn_pgnn.cli.guard import one_line, writing
-from sklearn_pgnn.cli.records import read_model
-from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
+from sklearn_pgnn.cli.inputs import read_model, read_search
+from sklearn_pgnn.cli.tables import heading, print_table, say, screen
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError, RecordError
+from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.fleet import FleetDiagnosis
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT
 from sklearn_pgnn.fleet.machine import SAID
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.trajectories.ros_bag import METADATA
 
 MACHINE = "{machine}"
 #: machines and changes shown on the screen; the report has all
 SHOWN = 20
+
+
+@contextmanager
+def on_cluster(address: str | None) -> Iterator[None]:
+    """Let joblib spread its work over a cluster of Dask."""
+    if address is None:
+        yield
+        return
+    with needed_by("--cluster"):
+        from distributed import Client
+    with Client(address), parallel_config("dask"):
+        yield
 
 
 @dataclass(frozen=True)
@@ -49,11 +62,7 @@ class FleetJob:
         own = {name: options.pop(name) for name in ("earlier", "sample_time", "n_jobs")}
         machines = machine_files(Path(self.records), options.pop("pattern"))
         cluster = options.pop("cluster")
-        noise = read_noise(options.pop("noise"), list(model.outputs))
-        effects = choose_effects(options.pop("catalogue"), options.pop("exclude"))
-        targets = choose_targets(options.pop("targets"), model)
-        check_candidates(model, effects, targets)
-        options |= {"noise_std": noise, "catalogue": effects, "targets": targets}
+        options |= read_search(model, options)
         if Path(self.output).exists() and not Path(self.output).is_dir():
             raise OptionError(
                 f"--output: {self.output}: expected a folder for the results, got a file."
@@ -74,7 +83,7 @@ def machine_files(folder: Path, pattern: str | None = None) -> dict[str, list[st
     """Return the files of every machine below a folder."""
     if not folder.is_dir():
         raise RecordError(f"{folder}: expected a folder with the records of the machines.")
-    named = _by_place if pattern is None else _reader(pattern)
+    named = _reader(pattern)
     machines: dict[str, list[str]] = {}
     for file in sorted(_records(folder)):
         place = file.relative_to(folder)
@@ -97,12 +106,10 @@ def _records(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def _by_place(place: Path) -> str | None:
-    return place.stem if len(place.parts) == 1 else place.parts[0]
-
-
-def _reader(pattern: str) -> Callable[[Path], str | None]:
+def _reader(pattern: str | None) -> Callable[[Path], str | None]:
     """Return the function that reads a machine's name from the path of its file."""
+    if pattern is None:
+        return lambda place: place.stem if len(place.parts) == 1 else place.parts[0]
     if pattern.count(MACHINE) != 1:
         raise OptionError(
             f"--pattern: expected {MACHINE} once, for the part of a name that identifies the "
@@ -112,18 +119,11 @@ def _reader(pattern: str) -> Callable[[Path], str | None]:
     parts = re.split(r"(\{machine\}|\*)", pattern)
     wanted = re.compile("".join(words.get(part, re.escape(part)) for part in parts))
 
-    def read(place: Path) -> str | None:
-        found = wanted.fullmatch(place.as_posix())
-        return None if found is None else found["machine"]
-
-    return read
+    return lambda place: (found := wanted.fullmatch(place.as_posix())) and found["machine"]
 
 
 def print_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
-    """Print the findings on a fleet.
-
-    `output` is the location of its report; with `quiet` the count of every verdict only is printed.
-    """
+    """Print the findings on a fleet; with `quiet` only how often every verdict came."""
     report = Path(output, REPORT)
     if as_json:
         click.echo(as_strict_json(fleet.to_dict()), nl=False)
@@ -149,12 +149,16 @@ def _print_summary(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
     wrong = [m for m in fleet.machines_.values() if m.said != adequate]
     if wrong:
         heading(console, "Machines, most certain first")
-        rows = table("machine", "verdict", "cause", "how sure")
-        for machine in wrong[:SHOWN]:
-            causes = ", ".join(cause_name(*pair) for pair in machine.named) or machine.failed
-            sure = chance(machine.sure) if machine.named else ""
-            rows.add_row(*map(cell, (machine.name, machine.said, causes, sure)))
-        print_table(console, rows)
+        rows = (
+            (
+                m.name,
+                m.said,
+                ", ".join(cause_name(*pair) for pair in m.named) or m.failed,
+                chance(m.sure) if m.named else "",
+            )
+            for m in wrong[:SHOWN]
+        )
+        print_table(console, ("machine", "verdict", "cause", "how sure"), rows)
         _more(console, len(wrong))
     console.print()
     say(console, f"Report: {one_line(report)}")

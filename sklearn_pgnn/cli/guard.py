@@ -1,14 +1,18 @@
-"""Errors in one line: input that cannot be used (exit 2), or a bug of the package (exit 1 or 3)."""
+"""How a command runs: its progress, and errors in one line: unusable input, or a bug."""
 
 import errno
 import traceback
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 
 import click
+from rich.console import Console
 
-from sklearn_pgnn.cli.signals import stoppable
+from sklearn_pgnn.cli.ending import check, stoppable
 from sklearn_pgnn.exceptions import UNUSABLE
 from sklearn_pgnn.extras import EXTRA_OF
+from sklearn_pgnn.progress_display import Show, shown_progress
 
 #: characters of a file's name that an error shows, and of a line of text
 SHOWN, LONGEST = 200, 2000
@@ -21,10 +25,7 @@ class Unusable(click.ClickException):
 
 
 class Bug(click.ClickException):
-    """A bug of the package: one line on stderr.
-
-    `kept` is a sentence on the findings that are kept in spite of it; with one the exit code is 3.
-    """
+    """A bug of the package: one line on stderr, with what is kept in spite of it, if anything."""
 
     exit_code = 1
 
@@ -54,16 +55,14 @@ def one_line(text: object) -> str:
 
 @contextmanager
 def guarded(debug: bool):
-    """Turn errors into one line and an exit code, and signals into an orderly end.
-
-    With `debug` the traceback is printed as well.
-    """
+    """Turn errors into one line and an exit code, and signals into an orderly end."""
     with stoppable():
         try:
             yield
         except Exception as error:
-            if _is_not_ours(error):
-                raise
+            gone = isinstance(error, OSError) and error.errno == errno.EPIPE  # as of ``| head``
+            if gone or isinstance(error, click.exceptions.Exit | click.Abort):
+                raise  # click handles them
             if debug:
                 click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             raise _told(error) from None
@@ -78,28 +77,44 @@ def writing(what: object):
         raise Unusable(one_line(f"{what}: {error.strerror or error}.")) from error
 
 
-def _is_not_ours(error: Exception) -> bool:
-    """Whether click handles an error: its own exits, and a closed pipe (``| head``)."""
-    gone = isinstance(error, OSError) and error.errno == errno.EPIPE
-    return gone or isinstance(error, click.exceptions.Exit | click.Abort)
-
-
 def _told(error: Exception) -> Exception:
     if isinstance(error, click.ClickException):
         return error
     if isinstance(error, OSError) and error.errno is not None:
-        return Unusable(one_line(f"{_shortened(error.filename)}: {error.strerror}."))
+        name = "output" if error.filename is None else str(error.filename)  # else a stream
+        name = name if len(name) <= SHOWN else f"{name[:SHOWN]} ..."
+        return Unusable(one_line(f"{name}: {error.strerror}."))
     if isinstance(error, MemoryError):
         return Unusable("expected input that fits into memory, got more. Remedy: fewer records.")
-    return Unusable(one_line(error)) if isinstance(error, UNUSABLE) or _lacks(error) else Bug(error)
+    lacks = isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
+    return Unusable(one_line(error)) if lacks or isinstance(error, UNUSABLE) else Bug(error)
 
 
-def _shortened(path: object) -> str:
-    """Return the name of a file for an error; what has none is a stream."""
-    name = "output" if path is None else str(path)
-    return name if len(name) <= SHOWN else f"{name[:SHOWN]} ..."
+@contextmanager
+def show_progress(quiet: bool) -> Iterator[Show]:
+    """Show the progress on stderr, unless quiet; every step checks for signals."""
+    if quiet:
+        yield lambda *_: check()
+    else:
+        with shown_progress(Console(stderr=True)) as show:
+
+            def progress(*step) -> None:
+                check()
+                show(*step)
+
+            yield progress
 
 
-def _lacks(error: Exception) -> bool:
-    """Whether an optional library is not installed."""
-    return isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
+def job(work: Callable[..., Callable[[], object] | None]) -> Callable[..., None]:
+    """Make a command of what works with a progress, and returns what prints its result."""
+
+    @wraps(work)
+    def command(quiet: bool, debug: bool, **given) -> None:
+        with guarded(debug):
+            with show_progress(quiet) as progress:
+                progress("loading the libraries")
+                show = work(progress, quiet=quiet, **given)
+            if show is not None:
+                show()
+
+    return command

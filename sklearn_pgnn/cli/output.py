@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.cli.ending import held
 from sklearn_pgnn.cli.guard import writing
-from sklearn_pgnn.cli.signals import held
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.whole_file import WorkingFolder, remove_leftovers, write_whole
 
 
@@ -36,10 +36,7 @@ def refuse_existing(path, *, force: bool) -> None:
 
 
 def write_file(path, text: str, *, force: bool) -> None:
-    """Write a file completely or not at all.
-
-    Only with `force` an existing one is replaced.
-    """
+    """Write a file completely or not at all; only with `force` one is replaced."""
     refuse_existing(path, force=force)
     with held(), writing(path):
         remove_leftovers(Path(path).absolute().parent)
@@ -93,7 +90,9 @@ def result_folder(output: Path):
     try:
         yield temporary.path
         with held(), writing(output):
-            _move_all(sorted(temporary.path.iterdir()), output)
+            for file in sorted(temporary.path.iterdir()):
+                output.mkdir(parents=True, exist_ok=True)
+                _move(file, output / file.name)
     finally:
         with held():
             temporary.remove()
@@ -122,13 +121,6 @@ def _check_place(output: Path) -> None:
 def _beside(output: Path) -> Path:
     """Return the output itself if it exists, else the nearest folder above it that does."""
     return next(p for p in (output.absolute(), *output.absolute().parents) if p.exists())
-
-
-def _move_all(files: Sequence[Path], output: Path) -> None:
-    if files:
-        output.mkdir(parents=True, exist_ok=True)
-    for file in files:
-        _move(file, output / file.name)
 
 
 def _move(file: Path, target: Path) -> None:

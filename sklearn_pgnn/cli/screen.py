@@ -1,27 +1,27 @@
-"""The result of a diagnosis as printed to stdout."""
+"""The result of a diagnosis, and the comparison of two, as printed to stdout."""
 
 import math
 from pathlib import Path
 
+import click
 from rich.text import Text
 
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.tables import (
-    cell,
     change,
     heading,
     print_table,
     print_trimmed,
     say,
     screen,
-    table,
 )
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.model_files import described_models
+from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
-from sklearn_pgnn.inspection.parameter_ends import spread_sentence
-from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.remedies import spread_sentence
+from sklearn_pgnn.inspection.report.parameters import parameter_facts
+from sklearn_pgnn.inspection.result_files import as_strict_json, described_models
 from sklearn_pgnn.inspection.words import (
     remaining_sentence,
     rivals_or_none,
@@ -59,7 +59,9 @@ def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
     console = screen()
     if not quiet:
         _print_quality(console, diagnosis.data_quality_)
-    _say_verdict(console, diagnosis)
+    title, sentence = f"{VERDICTS[diagnosis.verdict_]}. ", one_line(verdict_sentence(diagnosis))
+    colour = f"bold {COLOURS[diagnosis.verdict_]}"
+    print_trimmed(console, Text.assemble((title, colour), (sentence, "bold")))
     left = "" if diagnosis.remaining_.kind == "noise" else "yellow"
     say(console, remaining_sentence(diagnosis), left)
     if diagnosis.unusable_ and not quiet:
@@ -71,16 +73,10 @@ def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
     for place, cause in enumerate(diagnosis.causes_, start=1):
         _print_cause(console, place, cause, diagnosis)
     _print_parameters(console, diagnosis)
-    _print_gain(console, diagnosis)
-    _print_free_run(console, diagnosis)
-    _print_files(console, diagnosis, output)
-
-
-def _say_verdict(console, diagnosis) -> None:
-    title = f"{VERDICTS[diagnosis.verdict_]}. "
-    sentence = one_line(verdict_sentence(diagnosis))
-    colour = f"bold {COLOURS[diagnosis.verdict_]}"
-    print_trimmed(console, Text.assemble((title, colour), (sentence, "bold")))
+    _print_errors(console, diagnosis)
+    heading(console, "Written")
+    for name, what in described_files(diagnosis).items():
+        console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
 
 
 def _print_quality(console, findings) -> None:
@@ -95,24 +91,27 @@ def _print_quality(console, findings) -> None:
 
 
 def _print_cause(console, place: int, cause, diagnosis) -> None:
-    worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
     heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
     if cause.summary:
         say(console, cause.summary)
-    rows = table("", "")
-    for name, e in cause.parameters.items():
-        rows.add_row(name.replace("_", " "), cell(measured(e.value, e.low, e.high, e.unit)))
-    rows.add_row("gain", f"error on held-out windows {worth}")
+    rows = [
+        (name.replace("_", " "), measured(e.value, e.low, e.high, e.unit))
+        for name, e in cause.parameters.items()
+    ]
+    worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
+    rows.append(("gain", f"error on held-out windows {worth}"))
     if cause.probability < SURE:
         none = f" (none of the catalogue: {chance(cause.outside)})" if cause.tested else ""
-        rows.add_row("probability", f"{chance(cause.probability)}{none}")
-    rows.add_row("confused with", cell(rivals_or_none(cause, diagnosis.complete_)))
-    for found in diagnosis.separations_:
-        if found.cause == (cause.effect, cause.target):
-            rows.add_row("to separate", cell(separation_sentence(found)))
+        rows.append(("probability", f"{chance(cause.probability)}{none}"))
+    rows.append(("confused with", rivals_or_none(cause, diagnosis.complete_)))
+    rows += [
+        ("to separate", separation_sentence(found))
+        for found in diagnosis.separations_
+        if found.cause == (cause.effect, cause.target)
+    ]
     if cause.check:
-        rows.add_row("check on the rig", cell(cause.check))
-    print_table(console, rows)
+        rows.append(("check on the rig", cause.check))
+    print_table(console, ("", ""), rows)
 
 
 def _print_parameters(console, diagnosis) -> None:
@@ -130,37 +129,51 @@ def _print_parameters(console, diagnosis) -> None:
         return
     kinds = "changed, unknown or at a limit" if (limited or unknown) else "changed"
     heading(console, f"Parameters {kinds} (95 % interval)")
-    rows = table("", "as given", "re-tuned", "change", "")
-    for name, p in shown.items():
-        now, at = measured(p.value, p.low, p.high, p.unit), "at a limit" if name in limited else ""
-        rows.add_row(cell(name), number(p.prior), cell(now), change(p.value, p.prior), at)
-    print_table(console, rows)
+    rows = (
+        (
+            name,
+            number(p.prior),
+            measured(p.value, p.low, p.high, p.unit),
+            change(p.value, p.prior),
+            "at a limit" if name in limited else "",
+        )
+        for name, p in shown.items()
+    )
+    print_table(console, ("", "as given", "re-tuned", "change", ""), rows)
 
 
-def _print_gain(console, diagnosis) -> None:
+def _print_errors(console, diagnosis) -> None:
+    """Print the errors over windows and in free run."""
+    shown = shown_models(diagnosis)
     heading(
         console, f"Error on held-out windows of {number(diagnosis.window_, 3)} s (root mean square)"
     )
-    shown = shown_models(diagnosis)
-    rows = table("", *shown.values(), "noise", "", "explained")
-    for output, gain in diagnosis.gain_.items():
-        errors = (*(getattr(gain, which) for which in shown), gain.noise)
-        rows.add_row(cell(output), *(number(e, 3) for e in errors), cell(gain.unit), share(gain))
-    print_table(console, rows)
-
-
-def _print_free_run(console, diagnosis) -> None:
+    rows = (
+        (output, *(number(getattr(gain, e), 3) for e in (*shown, "noise")), gain.unit, share(gain))
+        for output, gain in diagnosis.gain_.items()
+    )
+    print_table(console, ("", *shown.values(), "noise", "", "explained"), rows)
     heading(console, "Error in free run, every record from its own start (root mean square)")
-    shown = shown_models(diagnosis)
-    rows = table("", *shown.values(), "")
-    for output, error in diagnosis.free_run_.items():
-        errors = (getattr(error, which) for which in shown)
-        unit = cell(diagnosis.model.unit(output))
-        rows.add_row(cell(output), *map(free_run_error, errors), unit)
-    print_table(console, rows)
+    rows = (
+        (
+            output,
+            *(free_run_error(getattr(e, which)) for which in shown),
+            diagnosis.model.unit(output),
+        )
+        for output, e in diagnosis.free_run_.items()
+    )
+    print_table(console, ("", *shown.values(), ""), rows)
 
 
-def _print_files(console, diagnosis, output: Path) -> None:
-    heading(console, "Written")
-    for name, what in described_files(diagnosis).items():
-        console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
+def print_comparison(found: DiagnosisComparison, *, as_json: bool, quiet: bool) -> None:
+    """Print a comparison."""
+    if as_json:
+        click.echo(as_strict_json(found.to_dict()), nl=False)
+        return
+    console = screen()
+    say(console, found.summary, "bold yellow" if found.differences else "bold green")
+    for sentence in found.differences:
+        say(console, f"- {sentence}")
+    for each in () if quiet else found.tables:
+        heading(console, each.title)
+        print_table(console, each.headers, each.rows)

@@ -4,14 +4,16 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.cli.records import read_inputs, read_model
-from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table
-from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.cli.inputs import read_model, told_warnings
+from sklearn_pgnn.cli.tables import print_table, say, screen
+from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.inspection.numbers import fit_text
-from sklearn_pgnn.inspection.start_runs import run_records
+from sklearn_pgnn.inspection.runs import fit_percentage, run_records
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.files import open_file
+from sklearn_pgnn.trajectories.several_files import read_each
 
 
 def simulate_files(
@@ -24,7 +26,8 @@ def simulate_files(
     measured outputs [%] are by record, empty if none was measured.
     """
     read = read_model(model)
-    X, y = read_inputs(read, data, sample_time)
+    with told_warnings(RecordWarning):
+        X, y = read_each(open_file, data, read, sample_time, needs_outputs=False)
     whole = set(y) == set(read.outputs)
     records = read_records(read, X, y[list(read.outputs)] if whole else None)
     runs = [run.check() for run in run_records(read, records)]
@@ -43,24 +46,13 @@ def _table(model, record, run) -> pd.DataFrame:
     values |= dict(zip(model.outputs, run.y.T, strict=True))
     columns = {name: record.u[:, i] for i, name in enumerate(model.inputs)}
     columns |= {name: values[name] for name in quantities_of(model)}
-    named = {_titled(n, model.unit(n)): np.asarray(v) for n, v in columns.items()}
+    units = {name: f" [{model.unit(name)}]" if model.unit(name) else "" for name in columns}
+    named = {f"{name}{units[name]}": np.asarray(v) for name, v in columns.items()}
     return pd.DataFrame({"trajectory": record.name, "t [s]": record.origin + record.t, **named})
 
 
-def _titled(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
-
-
-def to_csv(rows: pd.DataFrame) -> str:
-    """Return a simulation as the text of a CSV file."""
-    return rows.to_csv(index=False, float_format="%.9g", lineterminator="\n")
-
-
 def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
-    """Print the fit to the records, and the location of the simulation.
-
-    The fits [%] are by record.
-    """
+    """Print the fit [%] to the records, by record, and the location of the simulation."""
     if quiet:
         return
     console = screen()
@@ -69,7 +61,5 @@ def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: boo
         return
     console.print()
     say(console, "Fit to the measured outputs in free run (100 % is perfect)", "bold")
-    rows = table("", *model.outputs)
-    for name, percent in fits.items():
-        rows.add_row(cell(name), *(fit_text(p, 1) for p in percent))
-    print_table(console, rows)
+    rows = ((name, *(fit_text(p, 1) for p in percent)) for name, percent in fits.items())
+    print_table(console, ("", *model.outputs), rows)

@@ -1,6 +1,6 @@
 """Tables and headings on the screen: no wider than the terminal, no blanks at the ends of lines."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 from rich.padding import Padding
@@ -35,19 +35,6 @@ def warn(console: Console, warnings: Iterable[str]) -> None:
         console.print(Text(f"  {one_line(warning)}", style="yellow"), soft_wrap=True)
 
 
-def table(*headers: str) -> Table:
-    """Return an empty table without lines."""
-    made = Table(box=None, show_header=any(headers), header_style="", pad_edge=False)
-    for header in headers:
-        made.add_column(header, overflow="fold")
-    return made
-
-
-def cell(text: object) -> Text:
-    """Return a text prepared for a table."""
-    return Text(one_line(text))
-
-
 def change(value: float, prior: float) -> str:
     """Return a change in percent; small changes are not rounded to zero, none is given from zero.
 
@@ -72,6 +59,11 @@ def print_trimmed(console: Console, what) -> None:
         console.out(line.rstrip(), highlight=False)
 
 
-def print_table(console: Console, table: Table) -> None:
-    """Print a table with a small indent."""
-    print_trimmed(console, Padding(table, (0, 0, 0, 2), expand=False))
+def print_table(console: Console, headers: Sequence[str], rows: Iterable[Iterable]) -> None:
+    """Print a table without lines, with a small indent; without a head where that is empty."""
+    made = Table(box=None, show_header=any(headers), header_style="", pad_edge=False)
+    for header in headers:
+        made.add_column(header, overflow="fold")
+    for row in rows:
+        made.add_row(*(Text(one_line(text)) for text in row))
+    print_trimmed(console, Padding(made, (0, 0, 0, 2), expand=False))

@@ -5,9 +5,8 @@ results.
 """
 
 from sklearn_pgnn.fleet.changes import Change
-from sklearn_pgnn.fleet.common_causes import FleetCause
 from sklearn_pgnn.fleet.fleet_diagnosis import FleetDiagnosis
-from sklearn_pgnn.fleet.machine import Machine
+from sklearn_pgnn.fleet.machine import FleetCause, Machine
 from sklearn_pgnn.fleet.spread import ParameterSpread
 
 __all__ = ["Change", "FleetCause", "FleetDiagnosis", "Machine", "ParameterSpread"]

@@ -65,7 +65,9 @@ def changes_between(
         quantities, chances, first_ones(chances, rate), strict=True
     ):
         if chosen:
-            found.append(Change(name, "quantity", _sentence(q), float(1.0 - chance)))
+            one, other = (measured(*e, q.unit) for e in (q.one, q.other) if e is not None)
+            said = f"{q.name}: {one} before, {other} now"
+            found.append(Change(name, "quantity", said, float(1.0 - chance)))
     surest = sorted(found, key=lambda c: (math.isnan(c.sure), -c.sure, c.machine))
     return tuple(surest)
 
@@ -108,9 +110,3 @@ def _of_causes(old: Machine, new: Machine) -> list[Change]:
 def _has(machine: Machine, pair: Candidate, alike: set[Candidate]) -> bool:
     """Return whether a machine has a cause, or one that it may be confused with."""
     return any(pair in theirs or named in alike for named, theirs in machine.alike.items())
-
-
-def _sentence(quantity: Quantity) -> str:
-    both = (quantity.one, quantity.other)
-    one, other = (measured(*found, quantity.unit) for found in both if found is not None)
-    return f"{quantity.name}: {one} before, {other} now"

@@ -53,10 +53,7 @@ def setting_key(model, options: Mapping) -> str:
 
 
 def records_key(X, y) -> str:
-    """Return the hash of a table of inputs and one of outputs.
-
-    They are as `ModelDiagnosis.fit` takes them.
-    """
+    """Return the hash of a table of inputs and one of outputs."""
     return content_key(*_table_bytes(X), *_table_bytes(y))
 
 

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
@@ -12,17 +13,16 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.exceptions import OptionError, RecordError
-from sklearn_pgnn.fleet import frames
 from sklearn_pgnn.fleet.changes import Change, changes_between
-from sklearn_pgnn.fleet.common_causes import common_causes
 from sklearn_pgnn.fleet.content_key import content_key, files_key, records_key, setting_key
-from sklearn_pgnn.fleet.machine import Machine
-from sklearn_pgnn.fleet.one_machine import Job, Outcome
+from sklearn_pgnn.fleet.machine import Machine, common_causes
+from sklearn_pgnn.fleet.one_machine import Job, Outcome, Store
 from sklearn_pgnn.fleet.report import render_fleet
 from sklearn_pgnn.fleet.spread import ParameterSpread, spread_of
-from sklearn_pgnn.fleet.store import Store
-from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.cause_names import cause_name
+from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.validation import check_model
 from sklearn_pgnn.whole_file import write_whole
@@ -279,28 +279,71 @@ class FleetDiagnosis(BaseEstimator):
         dict
             Machines with verdicts and causes, causes and parameters over the fleet, changes.
         """
-        check_is_fitted(self)
-        return frames.fleet_dict(self)
+        frame, told = self.to_frame(), ("unit", "prior", "usual", "spread", "shared")
+        parameters = {
+            name: {key: getattr(spread, key) for key in told} | {"odd": dict(spread.odd)}
+            for name, spread in self.parameters_.items()
+        }
+        return finite(
+            {
+                "machines": frame.to_dict("records"),
+                "causes": [asdict(cause) for cause in self.causes_],
+                "parameters": parameters,
+                "changes": [asdict(change) for change in self.changes_],
+                "new": list(self.new_),
+                "missing": list(self.missing_),
+            }
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return the machines as a DataFrame, one row each, the surest first."""
         check_is_fitted(self)
-        return frames.machines_frame(self)
+        changes: dict[str, list[str]] = {}
+        for change in self.changes_:
+            changes.setdefault(change.machine, []).append(change.what)
+        rows = [
+            {
+                "machine": name,
+                "verdict": machine.verdict,
+                "causes": ", ".join(cause_name(*pair) for pair in machine.named),
+                "sure": machine.sure,
+                "explained_share": machine.explained,
+                "odd": ", ".join(p.name for p in self.parameters_.values() if name in p.odd),
+                "changed": "; ".join(changes.get(name, ())),
+                "seconds": machine.seconds,
+                "failed": machine.failed,
+            }
+            for name, machine in self.machines_.items()
+        ]
+        return pd.DataFrame(rows)
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return all parameters as a DataFrame, one row per machine and parameter."""
         check_is_fitted(self)
-        return frames.parameters_frame(self)
+        rows = [
+            (machine, name, value, low, high, spread.unit, spread.usual, machine in spread.odd)
+            for name, spread in self.parameters_.items()
+            for machine, (value, low, high) in spread.values.items()
+        ]
+        columns = ["machine", "parameter", "value", "low", "high", "unit", "usual", "odd"]
+        return pd.DataFrame(rows, columns=columns)
 
     def causes_frame(self) -> pd.DataFrame:
         """Return all named causes as a DataFrame, one row per machine and cause."""
         check_is_fitted(self)
-        return frames.causes_frame(self)
+        told = ["probability", "gain_percent", "parameters"]
+        rows = [
+            (name, *pair, *(cause[key] for key in told))
+            for name, machine in self.machines_.items()
+            for pair, cause in machine.named.items()
+        ]
+        return pd.DataFrame(rows, columns=["machine", "effect", "target", *told])
 
     def changes_frame(self) -> pd.DataFrame:
         """Return the changes since the earlier fit as a DataFrame, one row per change."""
         check_is_fitted(self)
-        return frames.changes_frame(self)
+        columns = ["machine", "kind", "what", "sure"]
+        return pd.DataFrame([asdict(change) for change in self.changes_], columns=columns)
 
     def to_html(self, path: FilePath) -> None:
         """Write the report of the fleet as HTML, one row per machine.
@@ -325,13 +368,12 @@ def _as_jobs(records) -> dict[str, tuple | list[str]]:
 
 
 def _as_job(name: str, item) -> tuple | list[str]:
-    if isinstance(item, str | os.PathLike):
-        return [os.fspath(item)]
-    if isinstance(item, list | tuple) and item:
-        if all(isinstance(path, str | os.PathLike) for path in item):
-            return [os.fspath(path) for path in item]
-        if len(item) == 2:
-            return tuple(item)
+    several = [item] if isinstance(item, str | os.PathLike) else item
+    if isinstance(several, list | tuple) and several:
+        if all(isinstance(path, str | os.PathLike) for path in several):
+            return [os.fspath(path) for path in several]
+        if len(several) == 2:
+            return tuple(several)
     raise RecordError(
         f"machine {name!r}: expected a pair (X, y), a file or a list of files, got {item!r:.60}."
     )

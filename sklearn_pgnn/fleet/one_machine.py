@@ -1,19 +1,27 @@
-"""The diagnosis of one machine in a worker process: plain data in, plain data out."""
+"""One machine of a fleet: its diagnosis in a worker process, and what of it is kept on disk."""
 
+import json
 import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from sklearn_pgnn import __version__
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import UNUSABLE, DiagnosisWarning, RecordWarning
-from sklearn_pgnn.inspection.model_files import file_of
+from sklearn_pgnn.fleet.machine import Machine
 from sklearn_pgnn.inspection.report import Provenance, render_report
+from sklearn_pgnn.inspection.report.causes import file_of
+from sklearn_pgnn.inspection.result_files import FILE, as_strict_json
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.threads import end_with_parent
 from sklearn_pgnn.trajectories.files import read_files
+from sklearn_pgnn.whole_file import remove_leftovers, write_whole
+
+MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "extended_model.yaml"
 
 
 @dataclass(frozen=True)
@@ -38,11 +46,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Job:
-    """The task to run for every machine.
-
-    The options are those of `ModelDiagnosis`, and the sample time [s] is that of files without a
-    time; `with_page` is whether a report is written.
-    """
+    """The task to run for every machine; `with_page` is whether a report is written."""
 
     model: PhysicsModel
     options: Mapping[str, Any]
@@ -50,10 +54,7 @@ class Job:
     with_page: bool
 
     def run(self, name: str, records) -> Outcome:
-        """Diagnose a machine; an error ends this machine only.
-
-        The records are a tuple of (X, y), or a list of files.
-        """
+        """Diagnose a machine by its (X, y) or its files; an error ends this machine only."""
         end_with_parent()
         began = time.process_time()
         with warnings.catch_warnings(record=True) as told:
@@ -80,3 +81,53 @@ class Job:
         model = file_of(diagnosis.extended_model_) if self.with_page else ""
         found = {**diagnosis.to_dict(), "version": __version__}
         return {"found": found, "extended_model": model, "page": page}
+
+
+class Store:
+    """The folder of a fleet."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+
+    def place(self, name: str) -> Path:
+        """Return the folder of a machine; characters that file systems do not allow are quoted."""
+        quoted = quote(name, safe=" ()[]+,=@")
+        only_dots = not name.strip(".")
+        return self.folder / MACHINES / (quoted.replace(".", "%2E") if only_dots else quoted)
+
+    def names(self) -> list[str]:
+        """Return the finished machines, by name."""
+        files = self.folder.glob(f"{MACHINES}/*/{FINISHED}")
+        return sorted(json.loads(file.read_text(encoding="utf-8"))["machine"] for file in files)
+
+    def load(self, name: str, key: str | None = None) -> Machine | None:
+        """Return a finished machine; None if it is not finished, or its hash differs."""
+        place = self.place(name)
+        about = _read(place / FINISHED)
+        if about is None or key not in (None, about["key"]):
+            return None
+        found = None if about["failed"] else _read(place / FILE)
+        return Machine(name, found, about["failed"], about["seconds"], tuple(about["warned"]))
+
+    def save(self, outcome: Outcome, key: str) -> None:
+        """Save the outcome of a machine; it counts as finished with the last file."""
+        place = self.place(outcome.name)
+        place.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(place)
+        (place / FINISHED).unlink(missing_ok=True)
+        for name in (PAGE, MODEL, FILE):
+            (place / name).unlink(missing_ok=True)
+        if outcome.found is not None:
+            write_whole(place / PAGE, outcome.page)
+            write_whole(place / MODEL, outcome.extended_model)
+            write_whole(place / FILE, as_strict_json(outcome.found))
+        about = {"machine": outcome.name, "key": key, "seconds": outcome.seconds}
+        about |= {"failed": outcome.failed, "warned": outcome.warned}
+        write_whole(place / FINISHED, as_strict_json(about))
+
+
+def _read(path: Path) -> dict | None:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None

@@ -11,8 +11,8 @@ from markupsafe import Markup
 
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.fleet.machine import FAILED, SAID, Machine
+from sklearn_pgnn.fleet.one_machine import PAGE, Store
 from sklearn_pgnn.fleet.spread import ParameterSpread
-from sklearn_pgnn.fleet.store import PAGE, Store
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import (
     chance,
@@ -32,15 +32,11 @@ HEADERS = ("Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the 
 
 
 def render_fleet(fleet, folder: Path) -> str:
-    """Return the report of a fleet as HTML.
-
-    It loads nothing else. The folder is where it will be written; existing reports of machines
-    there are linked.
-    """
+    """Return the report of a fleet as HTML, which links the machines' reports in its folder."""
     machines = list(fleet.machines_.values())
     style = style_sheet() + _source("fleet.css")
     content = {
-        "title": f"{fleet.model.name}: {_count(len(machines), 'machine')}",
+        "title": f"{fleet.model.name}: {len(machines)} machine{'s' * (len(machines) != 1)}",
         "style": style,
         "style_digest": digest(style),
         "tiles": _tiles(machines),
@@ -60,11 +56,12 @@ def _source(name: str) -> str:
 
 def _tiles(machines: list[Machine]) -> list[dict]:
     counts = Counter(machine.said for machine in machines)
-    return [
-        {"css": COLOUR.get(said, "look"), "said": said, "count": counts[said]}
-        for said in SAID
-        if counts[said]
-    ]
+    told = (said for said in SAID if counts[said])
+    return [{"css": _colour(said), "said": said, "count": counts[said]} for said in told]
+
+
+def _colour(said: str) -> str:
+    return COLOUR.get(said, "look")
 
 
 def _changes(fleet) -> list[dict] | None:
@@ -76,7 +73,7 @@ def _changes(fleet) -> list[dict] | None:
     ]
     told += [(name, "is new", "") for name in fleet.new_]
     told += [(name, "is no longer among the records", "") for name in fleet.missing_]
-    return [dict(zip(("machine", "what", "sure"), row, strict=True)) for row in told]
+    return [{"machine": machine, "what": what, "sure": sure} for machine, what, sure in told]
 
 
 # -- a row a machine -------------------------------------------------------------------------------
@@ -85,11 +82,16 @@ def _changes(fleet) -> list[dict] | None:
 def _row(machine: Machine, fleet, folder: Path) -> dict:
     page = Store(folder).place(machine.name) / PAGE
     told = machine.found is not None and page.exists()
-    odd = [_odd(s, machine.name) for s in fleet.parameters_.values() if machine.name in s.odd]
+    odd = []
+    for spread in fleet.parameters_.values():
+        if machine.name in spread.odd:
+            value, low, high = spread.values[machine.name]
+            said = measured(value, low, high, typeset_unit(spread.unit))
+            odd.append(f"{spread.name} {said}, usually {number(spread.usual, 3)}")
     return {
         "name": machine.name,
         "page": quote(page.relative_to(folder).as_posix()) if told else "",
-        "css": COLOUR.get(machine.said, "look"),
+        "css": _colour(machine.said),
         "said": machine.said,
         "causes": _named(machine) or ([machine.failed] if machine.failed else []),
         "sure": chance(machine.sure or None) if machine.named else "",
@@ -102,23 +104,14 @@ def _row(machine: Machine, fleet, folder: Path) -> dict:
 def _named(machine: Machine) -> list[str]:
     said = []
     for pair, cause in machine.named.items():
-        sizes = (
-            f"{name.replace('_', ' ')} {sized(*_ends(size), typeset_unit(size['unit']))}"
-            for name, size in cause["parameters"].items()
-            if size["value"] is not None
-        )
+        sizes = []
+        for name, size in cause["parameters"].items():
+            if size["value"] is not None:
+                low, high = (math.nan if size[e] is None else size[e] for e in ("low", "high"))
+                text = sized(size["value"], low, high, typeset_unit(size["unit"]))
+                sizes.append(f"{name.replace('_', ' ')} {text}")
         said.append(f"{cause_name(*pair)} ({chance(cause['probability'])}): {', '.join(sizes)}")
     return said
-
-
-def _ends(size) -> tuple[float, float, float]:
-    low, high = (math.nan if size[end] is None else size[end] for end in ("low", "high"))
-    return size["value"], low, high
-
-
-def _odd(spread: ParameterSpread, name: str) -> str:
-    value = measured(*spread.values[name], typeset_unit(spread.unit))
-    return f"{spread.name} {value}, usually {number(spread.usual, 3)}"
 
 
 def _faults(machine: Machine) -> str:
@@ -172,7 +165,3 @@ def _strip(spread: ParameterSpread, scale: Scale, values: np.ndarray) -> Markup:
         told = f"{name}: {measured(*spread.values[name], typeset_unit(spread.unit))}"
         shapes.append(dot(float(places[name]), css, told))
     return strip(spread.name, shapes)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

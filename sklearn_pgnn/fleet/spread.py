@@ -71,10 +71,7 @@ class ParameterSpread:
 
 
 def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> ParameterSpread | None:
-    """Compare a parameter over the machines; None where no machine has an estimate.
-
-    At the rate, a machine is called odd where all are alike.
-    """
+    """Compare a parameter over the machines; None where no machine has an estimate."""
     told = {m: e for m, e in found.items() if e["value"] is not None}
     if not told:
         return None
@@ -90,7 +87,7 @@ def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> Parameter
     spread, shared = _between(values[alike], errors[alike], rate)
     intervals = {m: _interval(e) for m, e in told.items()}
     unlike = {machines[i]: chance for i, chance in odd.items()}
-    prior = _or_nan(first.get("prior"))
+    prior = math.nan if first.get("prior") is None else float(first["prior"])
     return ParameterSpread(name, first["unit"], prior, usual, spread, shared, intervals, unlike)
 
 
@@ -163,7 +160,3 @@ def _interval(estimate: Mapping) -> tuple[float, float, float]:
         -math.inf if low is None else float(low),
         math.inf if high is None else float(high),
     )
-
-
-def _or_nan(value) -> float:
-    return math.nan if value is None else float(value)

@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.estimation.hypothesis import sensors_last
-from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
 from sklearn_pgnn.physics.effects.differences import DIFFERENCES
@@ -18,16 +19,91 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.port import Port, inertia_at
-from sklearn_pgnn.physics.shown_states import shown_states
+from sklearn_pgnn.physics.shown_states import shown_states, told_states
+from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.windows import evaluate
+
+#: a span is this share of a piece of a window, and at least two samples
+SPAN_SHARE = 0.04
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A model, and by name the time, states, acting inputs and parameters at every sample."""
+
+    records: DiagnosisRecords
+    model: PhysicsModel
+    table: dict
+
+    @classmethod
+    def of(cls, records: DiagnosisRecords, model: PhysicsModel, states_of: PhysicsModel):
+        """Take states and inputs from the records, others from a simulation of `states_of`."""
+        windows = records.windows
+        table: dict[str, np.ndarray | float] = {"t": windows.t, **_states(records, states_of)}
+        acting = windows.acting_inputs(model)
+        table |= {name: acting[:, i] for i, name in enumerate(model.inputs)}
+        table |= {name: parameter.value for name, parameter in model.parameters.items()}
+        return cls(records, model, table)
+
+    def value(self, expression, **other) -> np.ndarray:
+        """Evaluate an expression at every sample, with other values in place of some."""
+        table = {**self.table, **other}
+        return evaluate_samples(expression, table, np.size(table["t"]))
+
+    @property
+    def span(self) -> int:
+        """Half of the span, in samples, over which rates are compared."""
+        windows = self.records.windows
+        return max(1, round(SPAN_SHARE * float(np.median(windows.lengths)) / windows.blocks / 2))
+
+    def rate(self, state: str) -> np.ndarray:
+        """Return the measured rate of a state; NaN at the ends of the records."""
+        return self._by_record(self.table[state], _slope)
+
+    def mean(self, expression, **other) -> np.ndarray:
+        """Return the mean of an expression over the span about every sample."""
+        moving = [*self.records.fits[self.records.best].model.states, "t"]
+        if self.records.windows.hold == "foh":
+            moving += self.model.inputs
+        ends = {
+            name: np.append(self.table[name][1:], self.table[name][-1])
+            for name in moving
+            if name in self.table
+        }
+        both = self.value(expression, **other) + self.value(expression, **ends, **other)
+        return self._by_record(both / 2, _mean)
+
+    def _by_record(self, values, function):
+        windows, m = self.records.windows, self.span
+        out = np.full(windows.t.size, np.nan)
+        for a, b in pairwise(windows.bounds):
+            if b - a > 2 * m + 1:
+                out[a + m : b - m] = function(windows.t[a:b], values[a:b], m)
+        return out
+
+
+def _slope(t, x, m):
+    return (x[2 * m :] - x[: -2 * m]) / (t[2 * m :] - t[: -2 * m])
+
+
+def _mean(t, f, m):
+    total = np.concatenate([[0.0], np.cumsum(f[:-1] * np.diff(t))])
+    return (total[2 * m :] - total[: -2 * m]) / (t[2 * m :] - t[: -2 * m])
+
+
+def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndarray]:
+    prior = records.fits["prior"].model
+    table = {name: records.states[:, i] for i, name in enumerate(prior.states)}
+    simulated = set(model.states) - told_states(prior)
+    if simulated:
+        run = np.concatenate([run.x for run in free_runs(records, records.best)])
+        table |= {name: run[:, list(model.states).index(name)] for name in simulated}
+    return table
 
 
 @dataclass(frozen=True)
 class Case:
-    """A cause, the model with all that was found and without this cause, and the records.
-
-    `full` has all causes and the formula, and `without` all but this cause, at the same values.
-    """
+    """A cause, the models with all that was found and without this cause, and the records."""
 
     records: DiagnosisRecords
     full: PhysicsModel
@@ -52,12 +128,9 @@ class Case:
     @cached_property
     def samples(self) -> Samples:
         """The records with the parameters of both models."""
-        return self._samples(self.without)
-
-    def _samples(self, model) -> Samples:
-        found = Samples.of(self.records, model, self.full)
+        found = Samples.of(self.records, self.without, self.full)
         values = {name: p.value for name, p in self.full.parameters.items()}
-        return Samples(self.records, model, {**values, **found.table})
+        return Samples(self.records, self.without, {**values, **found.table})
 
     @property
     def seen(self) -> frozenset[str]:
@@ -121,4 +194,7 @@ def make_case(diagnosis, cause) -> Case:
 
 def window_residual(case: Case, model: PhysicsModel) -> np.ndarray:
     """Return the error on windows that start in the initial states found with all causes."""
-    return evaluate(model, case.records.windows, starts(case.records, model), ()).residual
+    extended = case.records.fits[case.records.best]
+    order = list(extended.model.states)
+    x0 = extended.x0[:, [order.index(state) for state in model.states]]
+    return evaluate(model, case.records.windows, x0, ()).residual

@@ -1,5 +1,6 @@
-"""Names of causes and candidates as people read them."""
+"""Names of causes and candidates, and the sizes of causes, as people read them."""
 
+from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.physics.effects import find_effect
 
 
@@ -13,3 +14,11 @@ def candidate_name(effect: str, target: str) -> str:
     if not effect:
         return "the re-tuned model"
     return cause_name(effect, target) if target else effect
+
+
+def sizes_of(cause) -> dict[str, str]:
+    """Return the sizes of a named cause with their intervals, by what each is called."""
+    return {
+        field.replace("_", " "): measured(e.value, e.low, e.high, typeset_unit(e.unit))
+        for field, e in cause.parameters.items()
+    }

@@ -5,7 +5,7 @@ from html import escape
 
 import numpy as np
 
-from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison, Quantity, Table
+from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison, Table
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.svg import Scale, dot, scale_text, strip, whisker
 
@@ -58,15 +58,18 @@ def _table(table: Table) -> str:
 
 def _picture(comparison: DiagnosisComparison) -> str:
     """Return a picture of what both have found; nothing where that is nothing."""
-    shared = [q for q in comparison.quantities if q.one and q.other and q.one[0]]
+    shared = [
+        (q.name, 100 * np.array([q.one, q.other]) / q.one[0])
+        for q in comparison.quantities
+        if q.one and q.other and q.one[0]
+    ]
     if not shared:
         return ""
-    shares = [share for q in shared for share in _shares(q).values()]
-    scale = Scale.over(*shares)
+    scale = Scale.over(*(shares for _, shares in shared))
     rows = "".join(
-        f'<tr><th scope="row">{escape(q.name)}</th>'
-        f"<td>{_strip(scale, q, comparison.names)}</td></tr>"
-        for q in shared
+        f'<tr><th scope="row">{escape(name)}</th>'
+        f"<td>{_strip(scale, name, shares, comparison.names)}</td></tr>"
+        for name, shares in shared
     )
     one, other = map(escape, comparison.names)
     return (
@@ -77,22 +80,13 @@ def _picture(comparison: DiagnosisComparison) -> str:
     )
 
 
-def _shares(quantity: Quantity) -> dict[str, np.ndarray]:
-    """Return what each has found in percent of the first, by its class."""
-    both = {"one": quantity.one, "other": quantity.other}
-    if quantity.one is None:
-        return {}
-    whole = quantity.one[0]
-    return {css: 100 * np.array(f) / whole for css, f in both.items() if f is not None}
-
-
-def _strip(scale: Scale, quantity: Quantity, names) -> str:
+def _strip(scale: Scale, about: str, both: np.ndarray, names) -> str:
     """Return a strip with the value of each, and its interval."""
     shapes = []
-    for (css, shares), name in zip(_shares(quantity).items(), names, strict=True):
+    for css, shares, name in zip(("one", "other"), both, names, strict=True):
         value, low, high = scale.place(shares).tolist()
         text = f"{name}: {number(shares[0])} %"
         if math.isfinite(high - low):
             shapes.append(whisker(min(low, high), max(low, high), css, text))
         shapes.append(dot(value, css, text))
-    return str(strip(quantity.name, shapes))
+    return str(strip(about, shapes))

@@ -14,11 +14,10 @@ from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number, readable, times
+from sklearn_pgnn.inspection.result_files import FILE
 from sklearn_pgnn.inspection.yardstick import models_called
 from sklearn_pgnn.record_quality.wording import listed
 
-#: the file of a diagnosis, in the folder that the command line writes
-FILE = "diagnosis.json"
 #: by suffix, other files that may be given by mistake
 OTHER_FILES = {
     ".yaml": "a model file",
@@ -33,10 +32,7 @@ _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "
 
 @dataclass(frozen=True)
 class Quantity:
-    """A physical quantity that one or both of two diagnoses have estimated.
-
-    Each diagnosis has its value, and the ends of its 95 % interval, or None.
-    """
+    """A quantity with the value, and the ends of its 95 % interval, that each diagnosis has."""
 
     name: str
     unit: str
@@ -174,7 +170,7 @@ def compare(one: Any, other: Any, *, names: Sequence[str] | None = None) -> Diag
         *_of_verdicts(pair, called),
         *_of_causes(pair, called),
         *_of_formulas(pair, called),
-        *_of_quantities((*sizes, *parameters), called),
+        *(_of_quantity(q, called) for q in (*sizes, *parameters) if q.differs),
         *_of_rest(pair, called),
     )
     tables = (
@@ -183,9 +179,8 @@ def compare(one: Any, other: Any, *, names: Sequence[str] | None = None) -> Diag
         _quantities("Parameters of the model", parameters, called),
         *_errors(pair, called),
     )
-    return DiagnosisComparison(
-        called, said, (*sizes, *parameters), tuple(table for table in tables if table.rows)
-    )
+    filled = tuple(table for table in tables if table.rows)
+    return DiagnosisComparison(called, said, (*sizes, *parameters), filled)
 
 
 # -- what is compared ------------------------------------------------------------------------------
@@ -252,9 +247,8 @@ def _names(one, other) -> tuple[str, str]:
 def _interval(found: Mapping | None) -> tuple[float, float, float] | None:
     if found is None:
         return None
-    value, low, high = (found[key] for key in ("value", "low", "high"))
-    open_low = -math.inf if low is None else low
-    return (value, open_low, math.inf if high is None else high)
+    low, high = found["low"], found["high"]
+    return found["value"], -math.inf if low is None else low, math.inf if high is None else high
 
 
 def _causes(data: Mapping) -> dict[tuple[str, str], Mapping]:
@@ -266,27 +260,27 @@ def _both(one: Mapping, other: Mapping) -> list:
     return list(dict.fromkeys([*one, *other]))
 
 
-def _sizes(pair) -> tuple[Quantity, ...]:
+def _sizes(pair) -> list[Quantity]:
     causes = [_causes(data) for data in pair]
     rows = []
     for key in _both(*causes):
         sizes = [c.get(key, {}).get("parameters", {}) for c in causes]
         rows += [
-            _quantity(f"{cause_name(*key)}: {name.replace('_', ' ')}", sizes[0], sizes[1], name)
+            _quantity(f"{cause_name(*key)}: {name.replace('_', ' ')}", sizes, name)
             for name in _both(*sizes)
         ]
-    return tuple(rows)
+    return rows
 
 
-def _parameters(pair) -> tuple[Quantity, ...]:
-    one, other = (data["parameters"] for data in pair)
-    return tuple(_quantity(name, one, other, name) for name in _both(one, other))
+def _parameters(pair) -> list[Quantity]:
+    both = [data["parameters"] for data in pair]
+    return [_quantity(name, both, name) for name in _both(*both)]
 
 
-def _quantity(title, one: Mapping, other: Mapping, name: str) -> Quantity:
-    found = one.get(name), other.get(name)
-    unit = next(f["unit"] for f in found if f is not None)
-    return Quantity(title, unit, _interval(found[0]), _interval(found[1]))
+def _quantity(title: str, both, name: str) -> Quantity:
+    one, other = (each.get(name) for each in both)
+    unit = (one or other)["unit"]
+    return Quantity(title, unit, _interval(one), _interval(other))
 
 
 # -- what differs ----------------------------------------------------------------------------------
@@ -304,21 +298,19 @@ def _of_causes(pair, names) -> list[str]:
             if key not in causes[there]:
                 rival = _rival_of(key, causes[there])
                 but = f", but {rival}, which it may be confused with" if rival else ""
-                said.append(
-                    f"{cause_name(*key)}: named in {names[here]}, not in {names[there]}{but}."
-                )
+                where = f"named in {names[here]}, not in {names[there]}"
+                said.append(f"{cause_name(*key)}: {where}{but}.")
     return said
 
 
 def _of_formulas(pair, names) -> list[str]:
     """Return the formulas that only one of two diagnoses has, or that differ in their terms."""
     parts = [data.get("unexplained") for data in pair]
-    here = [None if part is None else (part["target"], _terms(part["formula"])) for part in parts]
-    if here[0] == here[1]:
+    one, other = (part and (part["target"], _terms(part["formula"])) for part in parts)
+    if one == other:
         return []
     said = (
-        f"{_formula(part)} in {name}" if part else f"none in {name}"
-        for part, name in zip(parts, names, strict=True)
+        f"{_formula(part) or 'none'} in {name}" for part, name in zip(parts, names, strict=True)
     )
     return [f"Formula: {'; '.join(said)}."]
 
@@ -336,48 +328,32 @@ def _rival_of(key, causes: Mapping) -> str:
     return ""
 
 
-def _of_quantities(quantities, names) -> list[str]:
-    said = []
-    for q in quantities:
-        if not q.differs or q.one is None or q.other is None:
-            continue
-        one, other = _shown(q)
-        said.append(f"{q.name}: {one} in {names[0]}, {other} in {names[1]}{_change(q)}.")
-    return said
+def _of_quantity(quantity: Quantity, names) -> str:
+    """Return what each has found, and the relative difference where the sign is the same."""
+    one, other = _shown(quantity)
+    change = ""
+    if quantity.one and quantity.other and quantity.one[0] * quantity.other[0] > 0:
+        share = quantity.other[0] / quantity.one[0] - 1
+        change = f" ({abs(100 * share):.0f} % {'larger' if share > 0 else 'smaller'})"
+    return f"{quantity.name}: {one} in {names[0]}, {other} in {names[1]}{change}."
 
 
 def _shown(quantity: Quantity) -> list[str]:
     """Return the value found by each diagnosis."""
     both = (quantity.one, quantity.other)
-    return [
-        "-" if found is None else measured(found[0], found[1], found[2], quantity.unit)
-        for found in both
-    ]
-
-
-def _change(quantity: Quantity) -> str:
-    """Return the relative difference of a quantity, where it keeps its sign."""
-    if quantity.one is None or quantity.other is None:
-        return ""
-    before, after = quantity.one[0], quantity.other[0]
-    if before * after <= 0:
-        return ""
-    share = after / before - 1
-    return f" ({abs(100 * share):.0f} % {'larger' if share > 0 else 'smaller'})"
+    return ["-" if found is None else measured(*found, quantity.unit) for found in both]
 
 
 def _of_rest(pair, names) -> list[str]:
-    kinds = [data["remaining"]["kind"] for data in pair]
+    one, other = (data["remaining"]["kind"] for data in pair)
     said = []
-    if kinds[0] != kinds[1]:
-        said.append(f"What is left is {kinds[0]} in {names[0]}, {kinds[1]} in {names[1]}.")
+    if one != other:
+        said.append(f"What is left is {one} in {names[0]}, {other} in {names[1]}.")
     flaws = [{f["kind"] for f in data["data_quality"]} for data in pair]
-    for here, there in ((0, 1), (1, 0)):
-        only = sorted(flaws[here] - flaws[there])
+    for name, only in zip(names, (flaws[0] - flaws[1], flaws[1] - flaws[0]), strict=True):
         if only:
-            said.append(
-                f"Only the records of {names[here]} have faults of this kind: {listed(only)}."
-            )
+            kinds = listed(sorted(only))
+            said.append(f"Only the records of {name} have faults of this kind: {kinds}.")
     return said
 
 
@@ -390,11 +366,9 @@ def _verdicts(pair, names) -> Table:
         ("causes", *(_named(data) or "none" for data in pair)),
         ("formula", *(_formula(data.get("unexplained")) or "none" for data in pair)),
         ("what is left", *(_left(data["remaining"]) for data in pair)),
-        (
-            "faults of the records",
-            *(listed(dict.fromkeys(f["kind"] for f in d["data_quality"])) or "none" for d in pair),
-        ),
     ]
+    flaws = (dict.fromkeys(flaw["kind"] for flaw in data["data_quality"]) for data in pair)
+    rows.append(("faults of the records", *(listed(kinds) or "none" for kinds in flaws)))
     return Table("The two diagnoses", ("", *names), tuple(rows))
 
 
@@ -419,36 +393,20 @@ def _left(remaining) -> str:
 
 
 def _quantities(title, quantities, names) -> Table:
-    rows = tuple(
-        (
-            q.name,
-            *_shown(q),
-            "differs" if q.differs else "",
-        )
-        for q in quantities
-    )
+    rows = tuple((q.name, *_shown(q), "differs" if q.differs else "") for q in quantities)
     return Table(f"{title} (95 % intervals)", ("", *names, ""), rows)
 
 
 def _errors(pair, names) -> list[Table]:
-    """Return the errors over windows and in free run.
-
-    Errors over windows grow with their length: those of different lengths are left out.
-    """
-    lengths = [data.get("window") for data in pair]
+    """Return the errors over windows, if of about one length, and in free run."""
+    lengths = [length for data in pair if (length := data.get("window"))]
     free = _error_table("Error in free run (root mean square)", "free_run", pair, names)
-    if _alike(lengths):
+    if len(lengths) < 2 or math.isclose(*lengths, rel_tol=SAME_LENGTH):
         title = "Error on held-out windows (root mean square)"
         return [_error_table(title, "gain", pair, names), free]
     said = " and ".join(f"{number(length, 3)} s" for length in lengths)
     why = f"; on windows they are not comparable, the windows are {said} long"
     return [replace(free, title=f"{free.title}{why}")]
-
-
-def _alike(lengths) -> bool:
-    """Return whether windows are of about one length, or of one that is not known."""
-    known = [length for length in lengths if length]
-    return len(known) < 2 or math.isclose(*known, rel_tol=SAME_LENGTH)
 
 
 def _error_table(title: str, key: str, pair, names) -> Table:

@@ -12,8 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.inspection.case import model_with_all
-from sklearn_pgnn.inspection.curves import Evidence
-from sklearn_pgnn.inspection.evidence import find_evidence
+from sklearn_pgnn.inspection.evidence import Evidence, find_evidence
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, plain, shown_figure, tidy
 from sklearn_pgnn.simulation.simulate import simulate_records
@@ -184,13 +183,10 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
     models = ("prior", records.best)
     if kind == "windows":
         simulated = {which: (windows.y - records.fits[which].residual)[rows] for which in models}
+        how = f"restarted from the record every {number(diagnosis.window_, 3)} s"
     else:
         simulated = {which: free_runs(records, which)[record].y for which in models}
-    how = (
-        f"restarted from the record every {number(diagnosis.window_, 3)} s"
-        if kind == "windows"
-        else "free run"
-    )
+        how = "free run"
     title = f"{called(records.names[record], record, len(records.names))}, {how}"
     return Comparison(title, windows.t[rows], _outputs(diagnosis), windows.y[rows], simulated)
 
@@ -244,25 +240,24 @@ def _outputs(diagnosis) -> dict[str, str]:
 
 def draw_comparison(axes, comparison: Comparison) -> None:
     """Draw every output's curves, and its errors below them."""
+    t, known = comparison.t, comparison.measured
     for i, (name, unit) in enumerate(comparison.outputs.items()):
         curves, errors = axes[2 * i], axes[2 * i + 1]
-        _draw_curves(curves, comparison, i, label(name, unit))
-        _draw_errors(errors, comparison, i, label("error", unit))
+        if known is not None:
+            _curve(curves, t, known[:, i], "measured", 3.5)
+        for which, simulated in comparison.simulated.items():
+            _curve(curves, t, simulated[:, i], which, 1.2)
+            if known is not None:
+                _curve(errors, t, known[:, i] - simulated[:, i], which, 0.9)
+        curves.set_ylim(*_in_sight(comparison, i))
+        for panel, title in ((curves, name), (errors, "error")):
+            panel.set_ylabel(label(title, unit))
+            tidy(panel)
         errors.sharex(curves)
         curves.tick_params(labelbottom=False)
     axes[0].set_title(plain(comparison.title), fontsize=9, loc="left")
     axes[0].legend(fontsize=8, ncols=3, loc="upper right", framealpha=0.9)
     axes[-1].set_xlabel("t [s]")
-
-
-def _draw_curves(axes, comparison, i, title):
-    if comparison.measured is not None:
-        _curve(axes, comparison.t, comparison.measured[:, i], "measured", 3.5)
-    for which, simulated in comparison.simulated.items():
-        _curve(axes, comparison.t, simulated[:, i], which, 1.2)
-    axes.set_ylabel(title)
-    axes.set_ylim(*_in_sight(comparison, i))
-    tidy(axes)
 
 
 def _in_sight(comparison, i):
@@ -275,15 +270,6 @@ def _in_sight(comparison, i):
     curves = np.clip(curves[np.isfinite(curves)], low - reach, high + reach)
     low, high = curves.min(), curves.max()
     return low - 0.05 * reach, high + 0.25 * reach
-
-
-def _draw_errors(axes, comparison, i, title):
-    if comparison.measured is not None:
-        for which, simulated in comparison.simulated.items():
-            error = comparison.measured[:, i] - simulated[:, i]
-            _curve(axes, comparison.t, error, which, 0.9)
-    axes.set_ylabel(title)
-    tidy(axes)
 
 
 def _curve(axes, x, y, which, width):
@@ -306,28 +292,27 @@ def draw_evidence(axes, evidence: Evidence) -> None:
     tidy(axes)
 
 
+def known_points(x, y) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points whose two coordinates are finite."""
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    good = np.isfinite(x) & np.isfinite(y)
+    return x[good], y[good]
+
+
 def draw_points(axes, x, y) -> None:
     """Draw a thinned scatter of points, and its medians over bins."""
-    good = np.isfinite(x) & np.isfinite(y)
-    x, y = x[good], y[good]
+    x, y = known_points(x, y)
     few = slice(None, None, max(1, x.size // CLOUD))
     size, alpha = (2, 0.35) if x.size > 500 else (4, 0.8)
-    axes.plot(
-        x[few],
-        y[few],
-        ".",
-        color=COLOURS["points"],
-        markersize=size,
-        alpha=alpha,
-        label="records",
-    )
+    style = {"color": COLOURS["points"], "markersize": size, "alpha": alpha}
+    axes.plot(x[few], y[few], ".", **style, label="records")
     if np.all(np.diff(x) > 0):
         return
     centres, medians = binned_median(x, y)
     axes.plot(centres, medians, "o", color=COLOURS["medians"], markersize=3, label="their median")
 
 
-def binned_median(x, y, bins: int = BINS):
+def binned_median(x, y, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
     """Return the median of `y` over equal bins of `x` that hold enough points.
 
     Examples

@@ -5,9 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.numbers import number
-from sklearn_pgnn.inspection.start_runs import run_from_starts
+from sklearn_pgnn.inspection.runs import fit_percentage, run_from_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wiring import find_wiring
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
@@ -15,6 +14,8 @@ from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.constant_outputs import remarks_on_dead_outputs
 from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.trajectories.repeated_records import REMEDY, remarks_on_repeats
+
+_TABLES = ("records", "quantities", "outputs")
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,6 @@ class FirstLook:
         return {"model": self.model.name, **rows, "warnings": list(self.warnings)}
 
 
-_TABLES = ("records", "quantities", "outputs")
-
-
 def first_look(model: PhysicsModel, X, y) -> FirstLook:
     """Check a model against records in seconds: their contents, and a first simulation.
 
@@ -143,30 +141,22 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
     """
     records = read_records(model, X, y)
     windowed = window_records(model, records)
-    windows = windowed.windows
-    runs = run_from_starts(model, windowed)
-    simulated = np.concatenate([run.y for run in runs])
+    windows, runs = windowed.windows, run_from_starts(model, windowed)
     quantities = _quantities(model, windows.u, windows.y)
-    outputs = _fits(model, windows, simulated)
-    failed = [
-        f"record {record.name!r}: {run.message}"
-        for record, run in zip(records, runs, strict=True)
-        if run.message
-    ]
-    return FirstLook(
-        model,
-        _seen(model, records, windows, runs),
-        quantities,
-        outputs,
-        (
-            *_constant(quantities),
-            *remarks_on_dead_outputs(model, records),
-            *(f"{remark}. Remedy: {REMEDY}." for remark in remarks_on_repeats(records)),
-            *_gaps(records),
-            *failed,
-            *_odd(model, records, outputs),
+    outputs = _fits(model, windows, np.concatenate([run.y for run in runs]))
+    warnings = (
+        *_constant(quantities),
+        *remarks_on_dead_outputs(model, records),
+        *(f"{remark}. Remedy: {REMEDY}." for remark in remarks_on_repeats(records)),
+        *_gaps(records),
+        *(
+            f"record {record.name!r}: {run.message}"
+            for record, run in zip(records, runs, strict=True)
+            if run.message
         ),
+        *_odd(model, records, outputs),
     )
+    return FirstLook(model, _seen(model, records, windows, runs), quantities, outputs, warnings)
 
 
 # -- what is there ---------------------------------------------------------------------------------
@@ -175,16 +165,15 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
 def _seen(model, records, windows, runs) -> tuple[SeenRecord, ...]:
     seen = []
     for record, (a, b), run in zip(records, pairwise(windows.bounds), runs, strict=True):
-        t, fit = record.t, fit_percentage(windows.y[a:b], run.y)
+        t, fit = record.t, fit_percentage(windows.y[a:b], run.y).tolist()
         times = t.size, float(t[-1] - t[0]), float(np.median(np.diff(t)))
-        by_output = zip(model.outputs, map(float, fit), strict=True)
-        seen.append(SeenRecord(record.name, *times, dict(by_output)))
+        seen.append(SeenRecord(record.name, *times, dict(zip(model.outputs, fit, strict=True))))
     return tuple(seen)
 
 
 def _quantities(model, u, y) -> tuple[SeenQuantity, ...]:
-    columns = {name: ("input", u[:, i]) for i, name in enumerate(model.inputs)}
-    columns |= {name: ("output", y[:, i]) for i, name in enumerate(model.outputs)}
+    columns = [(name, "input", u[:, i]) for i, name in enumerate(model.inputs)]
+    columns += [(name, "output", y[:, i]) for i, name in enumerate(model.outputs)]
     return tuple(
         SeenQuantity(
             name,
@@ -195,7 +184,7 @@ def _quantities(model, u, y) -> tuple[SeenQuantity, ...]:
             int(np.isnan(values).sum()),
             model.channels.get(name, ""),
         )
-        for name, (role, values) in columns.items()
+        for name, role, values in columns
     )
 
 
@@ -216,11 +205,8 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
 
 def _constant(quantities) -> list[str]:
     return [
-        f"{q.role} {q.name!r} is {number(q.low)} {q.unit}".rstrip()
-        + (
-            " in every sample: nothing that depends on its changes can be found. Remedy: a record "
-            "in which it changes."
-        )
+        f"{q.role} {q.name!r} is {f'{number(q.low)} {q.unit}'.rstrip()} in every sample: nothing "
+        f"that depends on its changes can be found. Remedy: a record in which it changes."
         for q in quantities
         if q.low == q.high
     ]

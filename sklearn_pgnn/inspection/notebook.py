@@ -7,13 +7,12 @@ from sklearn.base import BaseEstimator
 
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.case import model_with_all
-from sklearn_pgnn.inspection.cause_names import cause_name
+from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.least_size import least_size
 from sklearn_pgnn.inspection.numbers import (
     chance,
     free_run_error,
-    measured,
+    least_size,
     number,
     share,
     typeset_unit,
@@ -47,12 +46,8 @@ def model_html(model) -> str:
     )
     signals = [
         (name, kind, typeset_unit(model.unit(name)) or "-")
-        for kind, names in (
-            ("state", model.states),
-            ("input", model.inputs),
-            ("output", model.outputs),
-        )
-        for name in names
+        for kind in ("state", "input", "output")
+        for name in getattr(model, f"{kind}s")
     ]
     rows = [
         (name, number(p.value), typeset_unit(p.unit) or "-", "known" if p.fixed else "free")
@@ -105,20 +100,14 @@ def effect_latex(effect) -> str | None:
 
 
 def cause_html(cause, complete: bool = True) -> str:
-    """Return a named cause as HTML: description, size, probability, and how to check it.
-
-    `complete` is whether the diagnosis compared the cause with others.
-    """
-    rows = [
-        (name.replace("_", " "), measured(e.value, e.low, e.high, typeset_unit(e.unit)))
-        for name, e in cause.parameters.items()
-    ]
-    rows += [
+    """Return a named cause as HTML; whether it was compared with others, `complete` says."""
+    rows = (
+        *sizes_of(cause).items(),
         ("error on held-out windows", f"{-cause.gain:+.0f} %"),
         ("probability", chance(cause.probability)),
         ("confused with", rivals_or_none(cause, complete)),
         ("check on the rig", cause.check or "-"),
-    ]
+    )
     name = escape(cause_name(cause.effect, cause.target))
     return _box(f"<b>{name}</b><div>{escape(cause.summary)}</div>", _table((), rows))
 
@@ -139,26 +128,15 @@ def diagnosis_html(diagnosis) -> str:
     causes = "".join(cause_html(cause, diagnosis.complete_) for cause in diagnosis.causes_)
     shown = shown_models(diagnosis)
     titles = ("error (rms)", *shown.values(), "noise", "unit", "explained")
-    windows = [
-        (
-            f"{name}, windows",
-            *(number(getattr(g, which), 3) for which in (*shown, "noise")),
-            typeset_unit(g.unit) or "-",
-            share(g),
-        )
-        for name, g in diagnosis.gain_.items()
-    ]
-    runs = [
-        (
-            f"{name}, free run",
-            *(free_run_error(getattr(r, which)) for which in shown),
-            "",
-            typeset_unit(diagnosis.model.unit(name)) or "-",
-            "",
-        )
-        for name, r in diagnosis.free_run_.items()
-    ]
-    return _box(head, causes + _table(titles, windows + runs))
+    rows = []
+    for name, g in diagnosis.gain_.items():
+        errors = (number(getattr(g, which), 3) for which in (*shown, "noise"))
+        rows.append((f"{name}, windows", *errors, typeset_unit(g.unit) or "-", share(g)))
+    for name, run in diagnosis.free_run_.items():
+        errors = (free_run_error(getattr(run, which)) for which in shown)
+        unit = typeset_unit(diagnosis.model.unit(name)) or "-"
+        rows.append((f"{name}, free run", *errors, "", unit, ""))
+    return _box(head, causes + _table(titles, rows))
 
 
 def diagnosis_latex(diagnosis) -> str | None:

@@ -3,6 +3,8 @@
 import math
 import re
 
+from sklearn_pgnn.experiment_design.detectability import Detectable
+
 
 def number(value: float, digits: int = 4) -> str:
     """Write a number with some significant digits, without an exponent up to a million.
@@ -193,3 +195,9 @@ def fit_text(fit: float, decimals: int = 0) -> str:
     if math.isinf(fit):
         return "diverges"
     return f"{fit:.{decimals}f} %" if fit > -1000 else "below −1000 %"
+
+
+def least_size(row: Detectable, digits: int = 2) -> str:
+    """Return the smallest size with its unit, and whether none smaller was tried."""
+    size = f"{number(row.smallest, digits)} {typeset_unit(row.unit)}".rstrip()
+    return f"{size} (smallest tried)" if row.is_least_tried else size

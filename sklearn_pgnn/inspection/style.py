@@ -1,4 +1,9 @@
-"""Style of the pictures: colours, labels, figures."""
+"""Style of the pictures: colours, labels, figures, axes."""
+
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
 
 from sklearn_pgnn.inspection.numbers import typeset_unit
 
@@ -58,6 +63,12 @@ def plain(text: str) -> str:
     return str(text).replace("$", r"\$")
 
 
+def name_rows(axes, names: Sequence[str]) -> None:
+    """Name the rows of a picture, the first on top."""
+    axes.set_yticks(range(len(names)), [plain(name) for name in names])
+    axes.set_ylim(len(names) - 0.5, -0.5)
+
+
 def log_axis(ax) -> None:
     """Make the horizontal axis logarithmic, its ticks plain numbers."""
     from matplotlib.ticker import LogFormatter
@@ -65,3 +76,44 @@ def log_axis(ax) -> None:
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
+
+
+def panels(ax, count: int, width: float, height: float) -> np.ndarray:
+    """Return the axes to draw on, by default those of a new figure; sizes [inch] are a panel's."""
+    if ax is None:
+        return shown_figure(width, height * count).subplots(count, squeeze=False)[:, 0]
+    given = np.atleast_1d(np.array(ax, dtype=object)).ravel()
+    if given.size != count:
+        raise ValueError(f"ax: expected {count} axes, got {given.size}.")
+    return given
+
+
+class AxesDisplay:
+    """A picture on one axes: `_draw` says what is drawn, and `_height` [inch] how high it is."""
+
+    ax_: Any
+    figure_: Any
+
+    def _height(self) -> float:
+        return 3.6
+
+    def _draw(self, ax) -> None:
+        raise NotImplementedError
+
+    def plot(self, *, ax: Any = None) -> Self:
+        """Draw the plot.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default on a new figure of pyplot.
+
+        Returns
+        -------
+        Self
+            This display, with `ax_` and `figure_`.
+        """
+        (self.ax_,) = panels(ax, 1, 8.0, self._height())
+        self.figure_ = self.ax_.figure
+        self._draw(self.ax_)
+        return self

@@ -16,10 +16,7 @@ SIDE, BINS = 1000, 700
 
 @dataclass(frozen=True)
 class Scale:
-    """An axis from a low to a high value.
-
-    Its ends are different.
-    """
+    """An axis between two different values."""
 
     low: float
     high: float
@@ -84,11 +81,7 @@ def percent(share) -> str:
 
 
 class Plot:
-    """A plot of curves, points, bands and cells.
-
-    `label` is what is seen, for those who do not see it; `css` are classes, as "low" for one of
-    little height.
-    """
+    """A plot; `label` is for those who do not see it, `css` are classes, as "low"."""
 
     def __init__(self, x: Scale, y: Scale, label: str, css: str = ""):
         self.x, self.y, self.label, self.css = x, y, label, css
@@ -101,14 +94,14 @@ class Plot:
 
     def points(self, x, y, css: str, title: str = "") -> None:
         """Draw dots."""
-        h, v = self._on_picture(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        h, v = self._on_picture(x, y)
         good = np.isfinite(h) & np.isfinite(v)
         dots = (f"M{_short(a)} {_short(b)}h0" for a, b in zip(h[good], v[good], strict=True))
         self._path("".join(dots), f"dots {css}", title)
 
     def stems(self, x, y, css: str, title: str = "") -> None:
         """Draw upright lines from zero."""
-        h, v = self._on_picture(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        h, v = self._on_picture(x, y)
         zero = _short(float(self._on_picture(np.zeros(1), np.zeros(1))[1][0]))
         stems = (f"M{_short(a)} {zero}V{_short(b)}" for a, b in zip(h, v, strict=True))
         self._path("".join(stems), f"line {css}", title)
@@ -116,12 +109,12 @@ class Plot:
     def shade(self, low: float, high: float, css: str, title: str = "") -> None:
         """Shade from one abscissa to another."""
         a, b = np.clip(self.x.place([low, high]), 0.0, 1.0)
-        self._rectangle(a, 0.0, b - a, 1.0, css, title)
+        self._rectangle((a, 0.0, b - a, 1.0), css, title)
 
     def band(self, low: float, high: float, css: str, title: str = "") -> None:
         """Shade from one ordinate to another."""
         a, b = np.clip(self.y.place([low, high]), 0.0, 1.0)
-        self._rectangle(0.0, 1.0 - b, 1.0, b - a, css, title)
+        self._rectangle((0.0, 1.0 - b, 1.0, b - a), css, title)
 
     def between(self, x, low, high, css: str, title: str = "") -> None:
         """Shade between two curves."""
@@ -131,15 +124,13 @@ class Plot:
 
     def cells(self, x, y, width: float, height: float, css: str, opacity: float = 1.0) -> None:
         """Draw equal cells of one colour, told by their lower left corners."""
-        h, v = self._on_picture(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        h, v = self._on_picture(x, y)
         w = SIDE * width / (self.x.high - self.x.low)
         up = SIDE * height / (self.y.high - self.y.low)
         shape = f"h{_short(w)}v{_short(-up)}h{_short(-w)}z"
         path = "".join(f"M{_short(a)} {_short(b)}{shape}" for a, b in zip(h, v, strict=True))
-        attribute = Markup(' fill-opacity="{:.2f}"').format(opacity)
-        self._shapes.append(
-            Markup('<path class="cells {}"{} d="{}"/>').format(css, attribute, path)
-        )
+        cells = Markup('<path class="cells {}" fill-opacity="{:.2f}" d="{}"/>')
+        self._shapes.append(cells.format(css, opacity, path))
 
     def html(self) -> Markup:
         """Return the plot as HTML."""
@@ -160,40 +151,33 @@ class Plot:
     def _axes(self) -> Markup:
         parts = [Markup('<rect class="frame" width="100%" height="100%"/>')]
         marks = self.x.ticks()
+        grid = (
+            '<line class="grid" x1="{0}" x2="{0}" y1="0" y2="100%"/>'
+            '<text class="below" x="{0}" y="100%" dy="15">{1}</text>'
+        )
         for value, said in zip(marks, tick_labels(marks), strict=True):
-            at = percent(self.x.place(value))
-            parts.append(
-                Markup(
-                    '<line class="grid" x1="{0}" x2="{0}" y1="0" y2="100%"/>'
-                    '<text class="below" x="{0}" y="100%" dy="15">{1}</text>'
-                ).format(at, said)
-            )
+            parts.append(Markup(grid).format(percent(self.x.place(value)), said))
         marks = self.y.ticks(4 if "low" in self.css.split() else 6)
+        grid = (
+            '<line class="grid" x1="0" x2="100%" y1="{0}" y2="{0}"/>'
+            '<text class="beside" x="0" y="{0}" dx="-6" dy="4">{1}</text>'
+        )
         for value, said in zip(marks, tick_labels(marks), strict=True):
-            at = percent(1.0 - self.y.place(value))
-            parts.append(
-                Markup(
-                    '<line class="grid" x1="0" x2="100%" y1="{0}" y2="{0}"/>'
-                    '<text class="beside" x="0" y="{0}" dx="-6" dy="4">{1}</text>'
-                ).format(at, said)
-            )
+            parts.append(Markup(grid).format(percent(1.0 - self.y.place(value)), said))
         return Markup("").join(parts)
 
     def _on_picture(self, x, y) -> tuple[np.ndarray, np.ndarray]:
+        """Return where points lie in the stretched picture."""
         return SIDE * self.x.place(x), SIDE * (1.0 - self.y.place(y))
 
     def _path(self, path: str, css: str, title: str) -> None:
-        self._shapes.append(
-            Markup('<path class="{}" d="{}">{}</path>').format(css, path, _title(title))
-        )
+        shape = Markup('<path class="{}" d="{}">{}</path>')
+        self._shapes.append(shape.format(css, path, _title(title)))
 
-    def _rectangle(self, x, y, width, height, css, title) -> None:
-        sides = (_short(SIDE * float(each)) for each in (x, y, width, height))
-        self._shapes.append(
-            Markup('<rect class="{}" x="{}" y="{}" width="{}" height="{}">{}</rect>').format(
-                css, *sides, _title(title)
-            )
-        )
+    def _rectangle(self, sides, css: str, title: str) -> None:
+        shape = Markup('<rect class="{}" x="{}" y="{}" width="{}" height="{}">{}</rect>')
+        lengths = (_short(SIDE * float(side)) for side in sides)
+        self._shapes.append(shape.format(css, *lengths, _title(title)))
 
 
 def _title(text: str) -> Markup:
@@ -243,10 +227,7 @@ def _short(value: float) -> str:
 
 
 def strip(label: str, shapes, css: str = "") -> Markup:
-    """Return a strip of a row of a table.
-
-    For the shapes see `dot`, `span` and `mark`.
-    """
+    """Return a strip of a row of a table with shapes, such as `dot`, `span` and `mark`."""
     inner = Markup("").join(shapes)
     text = Markup('<svg class="strip {}" role="img" aria-label="{}">{}</svg>')
     return text.format(css, label, inner)

@@ -7,9 +7,8 @@ from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
-from sklearn_pgnn.inspection.named_terms import known_sentence
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
-from sklearn_pgnn.inspection.runaway import runaway_sentence
+from sklearn_pgnn.inspection.remedies import known_sentence, runaway_sentence
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     is_adequate_as_given,
@@ -33,10 +32,7 @@ WORTH_SAYING = 0.01
 
 
 def rivals(cause) -> str:
-    """Return the rivals of a cause, each with its probability; empty if there are none.
-
-    That something else acts, which has no name, or nothing, is one of them.
-    """
+    """Return the rivals of a cause with their probabilities; no name, or nothing, is one too."""
     others = [(cause_name(o.effect, o.target), o.probability) for o in cause.confused_with]
     none = 1.0 - cause.probability - sum(probability for _, probability in others)
     if none >= WORTH_SAYING:
@@ -51,7 +47,12 @@ def rivals_or_none(cause, complete: bool) -> str:
 
 def verdict_sentence(diagnosis) -> str:
     """Return the verdict of a diagnosis in plain words."""
-    return f"{stopped_sentence(diagnosis)}{_SAID[diagnosis.verdict_](diagnosis)}".rstrip()
+    said = _SAID[diagnosis.verdict_](diagnosis)
+    if diagnosis.stopped_:
+        is_whole = diagnosis.complete_
+        left = "the search was complete" if is_whole else "this is the best result so far"
+        said = f"Ended early ({diagnosis.stopped_}); {left}. {said}"
+    return said.rstrip()
 
 
 def _so_far(diagnosis) -> str:
@@ -69,14 +70,6 @@ def _the_model(diagnosis) -> str:
     return "model" if name == PhysicsModel.name else f"model of the {name}"
 
 
-def stopped_sentence(diagnosis) -> str:
-    """Return why a diagnosis ended early; empty if it did not."""
-    if not diagnosis.stopped_:
-        return ""
-    left = "the search was complete" if diagnosis.complete_ else "this is the best result so far"
-    return f"Ended early ({diagnosis.stopped_}); {left}. "
-
-
 def unusable_sentence(diagnosis) -> str:
     """Return how many candidates could not be fitted, and which; empty if there are none."""
     lost = diagnosis.unusable_
@@ -88,10 +81,7 @@ def unusable_sentence(diagnosis) -> str:
 
 
 def lacks(causes) -> str:
-    """Return a phrase for what a model without some causes lacks.
-
-    It is such as "lacks backlash of u and has a wrong value of m".
-    """
+    """Return a phrase for what a model without some causes lacks, or has a wrong value of."""
     names: dict[str, list[str]] = {}
     for cause in causes:
         verb = find_effect(cause.effect).lacking
@@ -109,8 +99,10 @@ def _causes(diagnosis) -> str:
 
 def _missing(diagnosis) -> str:
     """Return a sentence on what is missing and has no name."""
-    said = f"The {_the_model(diagnosis)} lacks something that {_unexplained(diagnosis)}."
-    return _together(said, "", diagnosis)
+    part, why = diagnosis.discrepancy_, "no known effect explains"
+    if part is not None and part.has_names:
+        why = "no cause that was considered explains, though its formula has names"
+    return _together(f"The {_the_model(diagnosis)} lacks something that {why}.", "", diagnosis)
 
 
 def _together(said: str, causes: str, diagnosis) -> str:
@@ -119,22 +111,11 @@ def _together(said: str, causes: str, diagnosis) -> str:
     return " ".join(part.strip() for part in parts if part)
 
 
-def _unexplained(diagnosis) -> str:
-    part = diagnosis.discrepancy_
-    if part is not None and part.has_names:
-        return "no cause that was considered explains, though its formula has names"
-    return "no known effect explains"
-
-
 def _nothing_found(diagnosis) -> str:
     """Return that much is left, and that nothing that was tried explains it."""
-    the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
-    left = [
-        f"{times(e.refitted)} {_of(output, 'the noise', errors)}" for output, e in errors.items()
-    ]
     said = (
-        f"No effect of the catalogue improves the {the_model}; but after re-tuning it leaves "
-        f"{listed(left)}."
+        f"No effect of the catalogue improves the {_the_model(diagnosis)}; but after re-tuning it "
+        f"leaves {_left(over_windows(diagnosis), 'refitted')}."
     )
     return f"{said} {_in_free_run(diagnosis)}".strip()
 
@@ -146,22 +127,24 @@ def _adequate(diagnosis) -> str:
 
 def _is_adequate(diagnosis) -> str:
     the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
-    noise = {output: _of(output, "the noise", errors) for output in errors}
     if not diagnosis.complete_:
         return f"The re-tuned {the_model} leaves little more than noise."
     if is_adequate_as_given(diagnosis):
-        given = [f"{times(e.prior)} {noise[output]}" for output, e in errors.items()]
-        return (
-            f"The {the_model} is adequate as given: it leaves {listed(given)}, and no effect of "
-            f"the catalogue improves it."
+        said = f"as given: it leaves {_left(errors, 'prior')}, and no"
+    else:
+        left = listed(
+            f"{times(e.refitted)} {_of(output, 'the noise', errors)} (as given {times(e.prior)})"
+            for output, e in errors.items()
         )
-    both = [
-        f"{times(e.refitted)} {noise[output]} (as given {times(e.prior)})"
+        said = f"after re-tuning: it leaves {left}. No"
+    return f"The {the_model} is adequate {said} effect of the catalogue improves it."
+
+
+def _left(errors, which: str) -> str:
+    """Return what a model leaves of every output, in units of the noise."""
+    return listed(
+        f"{times(getattr(e, which))} {_of(output, 'the noise', errors)}"
         for output, e in errors.items()
-    ]
-    return (
-        f"The {the_model} is adequate after re-tuning: it leaves {listed(both)}. No effect of the "
-        f"catalogue improves it."
     )
 
 
@@ -239,10 +222,7 @@ def place_name(model: PhysicsModel, target: str) -> str:
 
 
 def dependence(diagnosis, part) -> str:
-    """Return a sentence on what a missing part depends on; empty where that is not known.
-
-    Quantities that explain nothing of it on held-out records are called a hint only.
-    """
+    """Return a sentence on what a missing part depends on; empty where that is not known."""
     if not part.quantities:
         return ""
     several, names = len(part.quantities) > 1, listed(part.quantities)
@@ -261,24 +241,18 @@ def _described(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
         return ""
-    on, errors = dependence(diagnosis, part), over_windows(diagnosis)
-    left = [f"{times(e.best)} {_of(output, 'the noise', errors)}" for output, e in errors.items()]
-    free = _free_with_formula(diagnosis)
+    on, errors, runs = dependence(diagnosis, part), over_windows(diagnosis), in_free_run(diagnosis)
+    free = listed(
+        f"{times(run.best)}{f' of {output}' if len(runs) > 1 else ''}"
+        for output, run in runs.items()
+        if diagnosis.free_run_[output].tells
+    )
     return (
         f"Something is missing in {place_name(diagnosis.model, part.target)}. {on}With "
-        f"{readable(part.formula)} added there the model leaves {listed(left)} over held-out "
-        f"windows{free}. {known_sentence(diagnosis, part)}"
+        f"{readable(part.formula)} added there the model leaves {_left(errors, 'best')} over "
+        f"held-out windows{f', and in free run {free}' if free else ''}. "
+        f"{known_sentence(diagnosis, part)}"
     ).rstrip()
-
-
-def _free_with_formula(diagnosis) -> str:
-    """Return what the model with the formula leaves in free run, where that is informative."""
-    runs = in_free_run(diagnosis)
-    told = {o: run for o, run in runs.items() if diagnosis.free_run_[o].tells}
-    left = listed(
-        f"{times(run.best)}{' of ' + o if len(runs) > 1 else ''}" for o, run in told.items()
-    )
-    return f", and in free run {left}" if told else ""
 
 
 def _others(diagnosis) -> str:
@@ -313,7 +287,9 @@ def _worth(diagnosis) -> str:
     errors, shown = over_windows(diagnosis), shown_models(diagnosis)
     left = "; ".join(
         (f"{output} " if len(errors) > 1 else "")
-        + ", ".join(f"{_bare(getattr(e, which))} {said}" for which, said in shown.items())
+        + ", ".join(
+            f"{times(getattr(e, which)).removesuffix(' ×')} {said}" for which, said in shown.items()
+        )
         for output, e in errors.items()
     )
     return f"Error on held-out data, in units of the noise: {left}."
@@ -356,11 +332,6 @@ def _worse_in_free_run(diagnosis) -> str:
         f"noise: {listed(rise)}. Windows are re-initialised, so they show little of what builds up "
         f"over a whole record: {cure}, or fix known parameters."
     )
-
-
-def _bare(error: float) -> str:
-    """Return an error in units of the noise as a bare number."""
-    return times(error).removesuffix(" ×")
 
 
 def separation_sentence(separation) -> str:

@@ -75,10 +75,7 @@ def together(diagnosis) -> Errors:
 
 
 class LeftAlone(NamedTuple):
-    """A candidate, and the error it leaves as the only cause with re-tuning, in units of the noise.
-
-    `low` and `high` are the ends of its 95 % interval.
-    """
+    """A candidate, and the error it leaves alone, with a 95 % interval, in units of the noise."""
 
     effect: str
     target: str

@@ -17,11 +17,10 @@ from test_cli import FILES, table, write
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.cli import main
+from sklearn_pgnn.cli.ending import check, held, stoppable
 from sklearn_pgnn.cli.output import result_folder
-from sklearn_pgnn.cli.signals import check, held, stoppable
 from sklearn_pgnn.exceptions import DiagnosisWarning, RecordError, SimulationError
 from sklearn_pgnn.progress_display import EVERY, Lines, _bars, _Live
-from sklearn_pgnn.trajectories.files import read_files
 
 #: as from a terminal: a job in the background would ignore Ctrl-C
 CALL = """
@@ -61,6 +60,12 @@ def breaking(monkeypatch):
         monkeypatch.setattr(ModelDiagnosis, "fit", fit)
 
     return arrange
+
+
+@pytest.fixture
+def found(monkeypatch, fitted):
+    """Let `fit` find at once what a diagnosis knows after a fit."""
+    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
 
 
 def run(args):
@@ -119,9 +124,8 @@ def test_what_was_found_before_a_bug_is_kept(tmp_path, breaking, fitted):
     assert data["causes"][0]["effect"] == "coulomb_friction"
 
 
-def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, fitted):
+def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, found):
     args = write(tmp_path)
-    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
     monkeypatch.setattr("sklearn_pgnn.cli.diagnose.render_report", lambda *_: 1 / 0)
     result = run([*args, "--quiet"])
     assert result.exit_code == 3
@@ -130,9 +134,8 @@ def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, fitte
 
 
 @pytest.mark.parametrize("lost", ["all_members", "residual_tests", "dot_plot", "correlation"])
-def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeypatch, fitted, lost):
+def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeypatch, found, lost):
     args = write(tmp_path)
-    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
     monkeypatch.setattr(f"sklearn_pgnn.inspection.report.content.{lost}", lambda *_: 1 / 0)
     result = run([*args, "--quiet"])
     assert result.exit_code == 3
@@ -141,28 +144,8 @@ def test_a_part_of_the_report_that_fails_leaves_the_rest_of_it(tmp_path, monkeyp
     assert "Coulomb friction" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
-def test_reading_the_records_takes_from_the_time(tmp_path, monkeypatch, fitted):
-    now, given = [0.0], []
-
-    def read(*arguments):
-        now[0] += 7.0
-        return read_files(*arguments)
-
-    def fit(self, X, y):
-        given.append(self.time_limit)
-        vars(self).update(fitted)
-        return self
-
-    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.monotonic", lambda: now[0])
-    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.read_files", read)
-    monkeypatch.setattr(ModelDiagnosis, "fit", fit)
-    assert run([*write(tmp_path), "--quiet", "--time-limit", "10"]).exit_code == 0
-    assert given == [3.0]
-
-
-def test_a_full_disk_is_no_bug(tmp_path, monkeypatch, fitted):
+def test_a_full_disk_is_no_bug(tmp_path, monkeypatch, found):
     args = write(tmp_path)
-    monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
 
     def full(*_, **__):
         raise OSError(28, "No space left on device")
@@ -208,8 +191,8 @@ def test_a_signal_leaves_nothing_behind(tmp_path, number, at):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def come(number=signal.SIGTERM):
-    signal.raise_signal(number)
+def come():
+    signal.raise_signal(signal.SIGTERM)
 
 
 def test_a_signal_waits_for_what_must_be_whole():
@@ -296,7 +279,7 @@ def test_results_are_whole_though_a_signal_comes_while_they_are_put_in_place(tmp
 def test_the_first_word_comes_before_the_libraries():
     code = (
         "import sys\n"
-        "from sklearn_pgnn.cli.progress import show_progress\n"
+        "from sklearn_pgnn.cli.guard import show_progress\n"
         "with show_progress(False) as progress: progress('loading the libraries')\n"
         "print(*{name.split('.')[0] for name in sys.modules})"
     )

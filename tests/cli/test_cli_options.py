@@ -12,7 +12,7 @@ from test_cli import table, write
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.choices import check_candidates
+from sklearn_pgnn.cli.inputs import check_candidates, read_noise
 from sklearn_pgnn.exceptions import OptionError, RecordWarning
 
 TWO = """\
@@ -78,9 +78,7 @@ def test_without_options_a_diagnosis_has_its_defaults(asked):
     assert params["catalogue"] == effects.CATALOGUE
 
 
-def test_noise_is_given_by_the_names_of_the_outputs(tmp_path, monkeypatch):
-    from sklearn_pgnn.cli.choices import read_noise
-
+def test_noise_is_given_by_the_names_of_the_outputs():
     outputs = ["speed", "position"]
     assert read_noise(["position=1e-4", "speed=0.1"], outputs) == [0.1, 1e-4]
     assert read_noise([], outputs) is None
@@ -191,25 +189,9 @@ def test_when_the_time_is_up_the_best_so_far_is_told(tmp_path):
     assert "Ended early (time limit" in " ".join(result.stdout.split())
 
 
-def test_effects_can_be_listed():
+def test_effects_can_be_listed_and_the_package_is_a_program():
     shown = CliRunner().invoke(main, ["diagnose", "--list-effects"]).stdout.splitlines()
     assert [line.split()[0] for line in shown] == [effect.id for effect in effects.CATALOGUE]
-
-
-def test_the_version_has_a_short_name():
-    assert __version__ in CliRunner().invoke(main, ["-V"]).stdout
-
-
-def test_the_package_is_a_program_too():
-    run = subprocess.run(
-        [sys.executable, "-m", "sklearn_pgnn", "-V"], capture_output=True, text=True
-    )
+    command = [sys.executable, "-m", "sklearn_pgnn", "-V"]
+    run = subprocess.run(command, capture_output=True, text=True)
     assert run.stdout == f"sklearn-pgnn, version {__version__}\n"
-
-
-def test_an_unknown_target_is_refused_by_the_diagnosis_itself():
-    from sklearn_pgnn import systems
-
-    diagnosis = ModelDiagnosis(systems.golf_robot(), targets=["omga"])
-    with pytest.raises(ValueError, match="did you mean 'omega'"):
-        diagnosis.fit([[0.0, 0.0]], [0.0])

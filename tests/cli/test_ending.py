@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -159,18 +158,12 @@ def refused(args):
     return result.stderr
 
 
-def test_an_empty_name_of_a_file_is_refused(tmp_path):
-    assert "got an empty text" in refused([*write(tmp_path), "--output", ""])
-
-
-def test_a_name_that_is_too_long_is_no_bug(tmp_path):
-    said = refused([*write(tmp_path), "--output", tmp_path / ("a" * 300)])
+def test_an_output_that_cannot_be_one_is_no_bug(tmp_path):
+    args = write(tmp_path)
+    assert "got an empty text" in refused([*args, "--output", ""])
+    said = refused([*args, "--output", tmp_path / ("a" * 300)])
     assert said.endswith("...: File name too long.\n")
     assert len(said.splitlines()) == 1
-
-
-def test_a_file_of_the_result_that_is_a_folder_is_refused(tmp_path):
-    args = write(tmp_path)
     (tmp_path / "out" / "report.html").mkdir(parents=True)
     assert "expected no folder of the name report.html" in refused([*args, "--force"])
 
@@ -202,10 +195,3 @@ def test_a_file_whose_name_is_no_text_is_used(tmp_path):
     result = CliRunner().invoke(main, [*args, os.fsdecode(odd), "--quiet"])
     assert result.exit_code == 0, result.output
     assert "r?.csv" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-
-
-def test_no_signal_is_left_to_others_handlers():
-    """A command run in a process of others leaves its handlers alone."""
-    before = signal.getsignal(signal.SIGINT)
-    CliRunner().invoke(main, ["completion", "bash"])
-    assert signal.getsignal(signal.SIGINT) is before

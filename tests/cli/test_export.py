@@ -28,16 +28,8 @@ def run(model, target, output, *options, code=0):
 
 
 def test_c_is_written_with_its_options(model, tmp_path):
-    options = (
-        "--interval",
-        0.01,
-        "--precision",
-        "single",
-        "--parameters",
-        "struct",
-        "--name",
-        "cart",
-    )
+    words = "--interval 0.01 --precision single --parameters struct --name cart"
+    options = words.split()
     said = run(model, "c", tmp_path / "cart.c", *options).stdout
     assert "cart.c" in said
     written = (tmp_path / "cart.c").read_text(encoding="utf-8")
@@ -51,15 +43,6 @@ def test_a_unit_and_a_text_of_modelica_are_written(model, tmp_path):
         assert b'fmiVersion="3.0"' in archive.read("modelDescription.xml")
     assert run(model, "modelica", tmp_path / "cart.mo", "--quiet").stdout == ""
     assert (tmp_path / "cart.mo").read_text(encoding="utf-8") == export.to_modelica(CART)
-
-
-def test_terms_that_do_not_fit_their_units_are_told(model, tmp_path):
-    text = model.read_text(encoding="utf-8")
-    assert "unit: N s/m" in text
-    model.write_text(text.replace("unit: N s/m", "unit: N/m"), encoding="utf-8")
-    said = run(model, "modelica", tmp_path / "cart.mo").stderr
-    assert "Warning: " in said
-    assert "the term -d*v" in said
 
 
 def test_a_unit_as_a_model_is_refused_for_it_has_no_equations(tmp_path):

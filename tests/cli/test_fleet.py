@@ -10,8 +10,7 @@ from sledge import SLEDGE, drive
 
 from sklearn_pgnn import FleetDiagnosis, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.cluster import on_cluster
-from sklearn_pgnn.cli.fleet_job import machine_files
+from sklearn_pgnn.cli.fleet_job import machine_files, on_cluster
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet.content_key import files_key
 
@@ -54,23 +53,14 @@ def test_the_results_are_written_and_told(done):
     assert (folder / "result" / "index.html").exists()
 
 
-def test_what_runs_side_by_side_are_processes():
-    said = " ".join(call("--help").output.split())
-    assert "Processes to use" in said
-    assert "Threads" not in said
-
-
 @pytest.mark.slow
 @pytest.mark.core
-def test_a_second_call_takes_over_what_is_finished(done, monkeypatch):
-    def run(self, *_):
-        raise AssertionError("a machine is diagnosed again")
-
+def test_a_second_call_takes_over_what_is_finished(done):
     folder, _ = done
-    monkeypatch.setattr("sklearn_pgnn.fleet.one_machine.Job.run", run)
     named = ("--model", folder / "sledge.yaml", "--pattern", "{machine}_*.csv", "--json")
     result = call(folder / "march", *named, "--output", folder / "result", *QUICK)
     assert result.exit_code == 0, result.output
+    assert "machines: 0 of 2" not in result.stderr
     assert [m["machine"] for m in json.loads(result.stdout)["machines"]] == ["b", "a"]
 
 

@@ -147,33 +147,40 @@ def test_a_formula_has_a_column_of_its_own_in_every_table(capsys):
     assert "depends on v, which explains 40 %" in text
     said = "leaves 1.02 × the noise over held-out windows, and in free run 1.34 ×."
     assert f"With −0.5 + 2·v³ added there the model {said}" in text
+    assert "What is left without the formula is structure (2.00 ×" in text
     with_formula.causes_ = diagnosis().causes_
     assert "v 3 2 2 1.02 1 m/s" in shown(capsys, with_formula)  # the causes alone, then with it
 
 
 @pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
-def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
+def test_a_free_run_that_says_nothing_or_became_worse_is_told_with_any_verdict(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
     silence = "The free run is not informative: without restarts, no model predicts"
+    worse = "its error is larger than as given, in units of the noise: 2.00"
     assert silence not in shown(capsys, lost)
     lost.free_run_ = {"v": FreeRunError(3.0, 2.0, 1.0, tells=False)}
     assert shown(capsys, lost).count(silence) == 1
-
-
-@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
-def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdict):
-    lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
-    lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
     noise = lost.gain_["v"].noise
     lost.free_run_ = {"v": FreeRunError(2.0 * noise, 2.0 * noise, 2.04 * noise)}
     assert "its error is larger" not in shown(capsys, lost)  # by less than is worth a word
     lost.free_run_ = {"v": FreeRunError(2.0 * noise, 4.0 * noise, 8.0 * noise)}
     text = shown(capsys, lost)
-    assert "its error is larger than as given, in units of the noise: 2.00" in text
+    assert worse in text
     assert "make window_length longer, or fix known parameters." in text
     lost.data_quality_ = (Finding("short records", "t", "few windows", 3.0, "record longer"),)
     assert "record longer, or fix known parameters." in shown(capsys, lost)
+
+
+def test_faults_of_the_records_are_told_before_the_verdict(capsys):
+    bad = diagnosis()
+    fault = Finding("outliers", "'F'", "three samples lie far off", 3.0, "look at the cable")
+    bad.data_quality_ = (fault,)
+    print_diagnosis(bad, Path("out"), quiet=False)
+    text = capsys.readouterr().out
+    assert text.startswith("Quality of the records: read this first\n  outliers: three samples")
+    assert "look at the cable.\n\n" in text
+    assert text.index("look at the cable") < text.index("The model of the cart")
 
 
 def test_nothing_is_said_of_what_was_not_asked(capsys):

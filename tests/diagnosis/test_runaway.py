@@ -4,8 +4,7 @@ import pytest
 from unstable_rig import FRICTION, GAP, STRENGTH, hovering, record
 
 from sklearn_pgnn import ModelDiagnosis
-from sklearn_pgnn.inspection.report.finding import title
-from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.report.finding import next_step, title
 from sklearn_pgnn.inspection.words import remaining_sentence, verdict_sentence
 
 #: what ends a divergence, among others

@@ -17,7 +17,7 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood
 from sklearn_pgnn.experiment_design.power import Noise, PowerAnalysis, strength_along
 from sklearn_pgnn.experiment_design.simulate_records import inject
 from sklearn_pgnn.inspection import DetectabilityDisplay
-from sklearn_pgnn.inspection.least_size import least_size
+from sklearn_pgnn.inspection.numbers import least_size
 
 TRIED = (effects.CoulombFriction, effects.InputDeadZone, effects.InputDelay)
 

@@ -22,7 +22,7 @@ from sklearn_pgnn import FleetDiagnosis, ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT, SUMMARY
-from sklearn_pgnn.fleet.store import Store
+from sklearn_pgnn.fleet.one_machine import Store
 
 pytestmark = pytest.mark.core
 

@@ -1,8 +1,8 @@
 """Two diagnoses side by side: what differs is said, and nothing else."""
 
 import json
+import re
 from copy import deepcopy
-from html.parser import HTMLParser
 
 import pytest
 from click.testing import CliRunner
@@ -30,19 +30,6 @@ def after(before):
     level.update({key: level[key] / 2 for key in ("value", "low", "high")})
     data["data_quality"] = [{"kind": "outliers", "where": "v"}]
     return data
-
-
-class Sources(HTMLParser):
-    """Collect tags, and what is asked from elsewhere."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.tags, self.sources = set(), []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.add(tag)
-        self.sources += [value for key, value in attrs if key in ("src", "href")]
 
 
 @pytest.mark.slow
@@ -105,10 +92,8 @@ def test_intervals_without_an_end_never_differ():
 def test_the_report_loads_nothing_and_escapes_names(before, after, tmp_path):
     compare(before, after, names=("<script>", "b")).to_html(tmp_path / "c.html")
     text = (tmp_path / "c.html").read_text(encoding="utf-8")
-    read = Sources(text)
-    assert "script" not in read.tags
-    assert read.sources == []
-    assert "svg" in read.tags
+    assert not re.search(r"<script|\b(src|href)=", text)
+    assert "<svg" in text
     assert "50 % smaller" in text
 
 

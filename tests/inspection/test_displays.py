@@ -18,7 +18,7 @@ from sklearn_pgnn.inspection import (
     fit_percentage,
     resid,
 )
-from sklearn_pgnn.inspection.residual_display import correlation
+from sklearn_pgnn.inspection.run_displays import correlation
 
 pytestmark = pytest.mark.core
 
@@ -70,14 +70,8 @@ def test_the_fit_is_that_of_matlab():
     assert fit_percentage(y, y) == [100.0]
     assert fit_percentage(y, np.full(50, np.inf)) == [-np.inf]
     assert np.isnan(fit_percentage(np.ones(5), np.ones(5)))
-
-
-def test_what_was_not_measured_does_not_count():
     y = np.array([0.0, np.nan, 1.0, 2.0])
     assert fit_percentage(y, [0.0, 9.0, 1.0, 2.0]) == [100.0]
-
-
-def test_a_fit_needs_two_signals_of_one_shape():
     with pytest.raises(ValueError, match=r"expected the shape of what was measured, \(3,\)"):
         fit_percentage([1, 2, 3], [1, 2])
 

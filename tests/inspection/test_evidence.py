@@ -10,8 +10,8 @@ from situations import situation
 
 from sklearn_pgnn.diagnosis.unexplained import hidden_input
 from sklearn_pgnn.inspection.evidence import missing_evidence
+from sklearn_pgnn.inspection.report.evidence_section import residual_maps
 from sklearn_pgnn.inspection.report.formula import FoundFormula
-from sklearn_pgnn.inspection.report.residual_maps import residual_maps
 
 pytestmark = pytest.mark.core
 
@@ -58,7 +58,8 @@ def test_points_leave_the_line_of_a_formula_that_says_too_little():
 def coloured(diagnosis) -> list[int]:
     """Return the number of coloured cells in each map."""
     (maps,) = residual_maps(diagnosis, FoundFormula(diagnosis))
-    return [panel.plot.count("above") + panel.plot.count("below-zero") for panel in maps.panels]
+    plots = [panel["plot"] for panel in maps["panels"]]
+    return [plot.count("above") + plot.count("below-zero") for plot in plots]
 
 
 def test_the_map_of_what_is_left_is_blank_where_the_formula_leaves_noise():

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from robots import moved_records, six_axes
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
+from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.inspection import missing_efforts
 from sklearn_pgnn.physics.effects.wiring import ReversedInput
@@ -39,16 +39,6 @@ def test_the_joints_with_friction_are_seen_at_once(rubbing, tmp_path):
         else:
             assert found.loc[name, "all"] < 0.05
     assert set(found["unit"]) == {"N m"}
-
-
-@pytest.mark.slow
-def test_a_diagnosis_names_the_joint_and_its_friction(tmp_path):
-    arm, X, y = records_of((0.0, 9.0), 2, tmp_path, records=3, samples=300, noise=5e-4)
-    catalogue = ["coulomb_friction", "viscous_friction", "linear_stiffness"]
-    diagnosis = ModelDiagnosis(arm, catalogue=catalogue, n_jobs=1).fit(X, y)
-    (cause,) = diagnosis.causes_
-    assert (cause.effect, cause.target) == ("coulomb_friction", "j2")
-    assert cause.parameters["level"].value == pytest.approx(9.0, rel=0.1)
 
 
 def test_it_is_exact_where_the_records_are():

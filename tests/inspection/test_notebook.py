@@ -72,14 +72,8 @@ def test_a_diagnosis_shows_its_settings_and_then_its_verdict():
     assert ModelDiagnosis(SLEDGE)._repr_latex_() is None
     text = diagnosis._repr_mimebundle_()["text/html"]
     Balance(text)
-    for what in (
-        "Cause named.",
-        "Coulomb friction on v",
-        "v, windows",
-        "v, free run",
-        "&gt; 99.9 %",
-    ):
-        assert what in text
+    shown = ("Cause named.", "Coulomb friction on v", "v, windows", "v, free run", "&gt; 99.9 %")
+    assert all(what in text for what in shown)
     assert "sign" in diagnosis._repr_latex_()
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sklearn_pgnn.inspection.report.curves_section import _in_sight
+from sklearn_pgnn.inspection.report.curves_section import in_sight
 from sklearn_pgnn.inspection.svg import Plot, Scale, dot, mark, span, strip, thinned
 
 ENDS = st.tuples(st.floats(-1e6, 1e6, allow_nan=False), st.floats(1e-3, 1e6, allow_nan=False)).map(
@@ -23,10 +23,6 @@ def test_ticks_are_few_round_and_on_the_axis(ends):
     assert np.allclose(np.diff(ticks), ticks[1] - ticks[0])
 
 
-def test_a_low_picture_has_more_than_one_tick():
-    assert Scale(-0.0047, 0.0047).ticks(4) == [-0.004, -0.002, 0.0, 0.002, 0.004]
-
-
 @given(st.floats(1e-3, 1e3), st.floats(1.7, 1e5))
 def test_ticks_of_a_logarithmic_axis_lie_on_it(low, factor):
     ticks = Scale(low, low * factor, log=True).ticks()
@@ -38,6 +34,7 @@ def test_ticks_of_a_logarithmic_axis_lie_on_it(low, factor):
 def test_places_run_from_the_low_to_the_high_end():
     assert Scale(1.0, 3.0).place([1.0, 2.0, 3.0]).tolist() == [0.0, 0.5, 1.0]
     assert Scale(1.0, 100.0, log=True).place(10.0) == pytest.approx(0.5)
+    assert Scale(-0.0047, 0.0047).ticks(4) == [-0.004, -0.002, 0.0, 0.002, 0.004]
 
 
 def test_what_is_not_finite_interrupts_a_curve():
@@ -73,5 +70,5 @@ def test_names_are_escaped_and_the_whole_is_well_formed():
 
 @pytest.mark.filterwarnings("error")
 def test_an_output_that_a_record_lacks_is_drawn_as_simulated():
-    axis = _in_sight(np.full(5, np.nan), [np.linspace(0.0, 2.0, 5)])
+    axis = in_sight(np.full(5, np.nan), [np.linspace(0.0, 2.0, 5)])
     assert axis.low < 0.0 < 2.0 < axis.high

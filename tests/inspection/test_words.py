@@ -1,4 +1,4 @@
-"""The verdict in words."""
+"""The verdict in words, and what to do about a parameter at the end of what was allowed."""
 
 import math
 from types import SimpleNamespace
@@ -8,8 +8,9 @@ import pytest
 from sklearn_pgnn import systems
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.inspection import words
+from sklearn_pgnn.inspection.remedies import spread_remedy, spread_sentence
 from sklearn_pgnn.inspection.report import finding
-from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.report.finding import next_step
 from sklearn_pgnn.record_quality.finding import Finding
 
 
@@ -29,18 +30,6 @@ def test_a_rival_of_a_provisional_cause_has_no_probability():
     rival = SimpleNamespace(effect="coulomb_friction", target="v", probability=math.nan)
     cause = SimpleNamespace(probability=math.nan, confused_with=(rival,))
     assert words.rivals(cause) == "Coulomb friction on v (not tested)"
-
-
-@pytest.mark.parametrize("part", [None, "a formula that leaves less"])
-def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, part):
-    errors = {"x": SimpleNamespace(extended=4.56)}
-    monkeypatch.setattr(words, "over_windows", lambda _: errors)
-    left = SimpleNamespace(kind="structure", law=Structure("v", 0.9))
-    model = systems.cart_on_spring()
-    found = SimpleNamespace(remaining_=left, discrepancy_=part, model=model, data_quality_=())
-    said = words.remaining_sentence(found)
-    assert said.startswith("What is left without the formula is structure (4.56 ×") == bool(part)
-    assert said.startswith("What is left is structure (4.56 ×") != bool(part)
 
 
 def test_where_a_parameter_differs_between_records_no_physics_is_called_missing(monkeypatch):
@@ -88,18 +77,13 @@ def test_what_is_likelier_than_every_name_stands_beside_the_names():
     assert finding._alternatives(cause).endswith("on v or input bias of F")
 
 
-@pytest.mark.parametrize("outputs", [("x",), ("x", "v")])
-def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch, outputs):
-    errors = {output: SimpleNamespace(prior=2.0, refitted=1.5) for output in outputs}
+def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch):
+    errors = {output: SimpleNamespace(prior=2.0, refitted=1.5) for output in ("x", "v")}
     monkeypatch.setattr(words, "over_windows", lambda _: errors)
     monkeypatch.setattr(words, "is_adequate_as_given", lambda _: False)
     said = words._is_adequate(SimpleNamespace(model=systems.cart_on_spring(), complete_=True))
-    one = "it leaves 1.50 × the noise (as given 2.00 ×). No"
-    two = (
-        "it leaves 1.50 × the noise of x (as given 2.00 ×) and 1.50 × the noise of v (as given "
-        "2.00 ×). No"
-    )
-    assert (one if len(outputs) == 1 else two) in said
+    left = "1.50 × the noise of x (as given 2.00 ×) and 1.50 × the noise of v (as given 2.00 ×)"
+    assert f"it leaves {left}. No" in said
 
 
 @pytest.mark.parametrize(("unit", "amplitude"), [("1", "3.5 about 2"), ("V", "3.5 V about 2 V")])
@@ -120,3 +104,32 @@ def test_an_input_without_a_unit_has_none_in_an_experiment(unit, amplitude):
     found = dict(zip(("cause", "other"), pair, strict=True))
     asked = SimpleNamespace(equivalent=False, separable=True, experiments=[best], **found)
     assert f"steps, u by {amplitude}, for 10 s" in words.separation_sentence(asked)
+
+
+def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
+    model = systems.cart_on_spring()
+    free = [name for name in model.free_parameters if 0 < model.parameters[name].reach < math.inf]
+    values = {name: model.parameters[name].value for name in free}
+    found = {name: SimpleNamespace(value=value) for name, value in values.items()}
+    inside = SimpleNamespace(model=model, parameters_=found)
+    assert spread_sentence(inside) == spread_remedy(inside) == ""
+    first = free[0]
+    reach = model.parameters[first].reach
+    found[first] = SimpleNamespace(value=values[first] + reach)
+    assert spread_sentence(SimpleNamespace(model=model, parameters_=found)) == (
+        f"{first} lies at the end of what the spread in the model file allowed: the named causes "
+        f"and the remaining error may be due to a wrong parameter value. If it is not known that "
+        f"well, give a wider spread, or spread: .inf where nothing is known, and diagnose again."
+    )
+
+
+def test_a_parameter_at_a_bound_is_told_with_the_remedy():
+    model = systems.cart_on_spring()
+    m, d = model.parameters["m"], model.parameters["d"]
+    found = {"m": SimpleNamespace(value=m.bounds[1]), "d": SimpleNamespace(value=d.bounds[0])}
+    said = spread_sentence(SimpleNamespace(model=model, parameters_=found))
+    assert d.bounds[0] == 0.0
+    assert said == (
+        "m lies at a bound of the model file: what is named and what is left may be due to that. "
+        "If values beyond are physically possible, give wider bounds, and diagnose again."
+    )

@@ -1,8 +1,8 @@
 """Assignment of a file's columns, with their units, to the quantities of a model."""
 
-import math
 from collections.abc import Mapping, Sequence
 
+from sklearn_pgnn.cli.inputs import positive
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.channel_kinds import usual_kind
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -43,19 +43,18 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
             )
         shared = there
     needed = quantities(model)
+    kinds = {
+        name: "" if role == "time" else model.channels.get(name) or usual_kind(model, name)
+        for name, role, _ in needed
+    }
     return {
         "columns": [title for title in dict.fromkeys(shared) if title],
         "quantities": needed,
         "guess": {
-            name: {**_guess(first, name, unit, shared), "kind": _kind(model, name, role)}
-            for name, role, unit in needed
+            name: _guess(first, name, unit, shared) | {"kind": kinds[name]}
+            for name, _, unit in needed
         },
     }
-
-
-def _kind(model: PhysicsModel, name: str, role: str) -> str:
-    """Return what a channel is in the model, else what it usually is."""
-    return "" if role == "time" else model.channels.get(name) or usual_kind(model, name)
 
 
 def with_kinds(model: PhysicsModel, mapping: Mapping) -> PhysicsModel:
@@ -129,10 +128,7 @@ def _open(file: Mapping, model: PhysicsModel, sample_time: float | None = None) 
 
 
 def _renamed(header: Sequence[str], mapping: Mapping) -> list[str]:
-    """Return the columns' names in the model, with their units; other columns lose their names.
-
-    A column with another header than the chosen one has the unit that its own header states.
-    """
+    """Return the columns' names in the model, with their units; other columns lose their names."""
     named = [title if title == TRAJECTORY else "" for title in header]
     for name, said in mapping.items():
         place = None if name == SAMPLE_TIME else _place(said["column"], header)
@@ -166,10 +162,7 @@ def _sample_time(mapping: Mapping) -> float | None:
     text = str(mapping.get(SAMPLE_TIME) or "").strip()
     if not text:
         return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
+    value = positive(text)
+    if value is None:
         raise RecordError(f"sample time: expected a positive number of seconds, got {text!r}.")
     return value

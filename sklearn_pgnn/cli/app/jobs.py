@@ -5,31 +5,91 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from markupsafe import Markup
+
 from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns, with_kinds
-from sklearn_pgnn.cli.app.look import draw_look
+from sklearn_pgnn.cli.app.page import render
 from sklearn_pgnn.cli.diagnose import fit_kept, write_results
 from sklearn_pgnn.cli.guard import Bug
+from sklearn_pgnn.cli.options import SYSTEMS, make_system
 from sklearn_pgnn.cli.screen import described_files
-from sklearn_pgnn.cli.systems import SYSTEMS, make_system
 from sklearn_pgnn.cli.template import commented
 from sklearn_pgnn.datasets import make_cart
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import ModelError, ModelWarning
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.numbers import number, typeset_unit
+from sklearn_pgnn.inspection.first_look import first_look
+from sklearn_pgnn.inspection.numbers import fit_text, number, typeset_unit
 from sklearn_pgnn.inspection.report import Provenance, SourceFile
-from sklearn_pgnn.inspection.report.finding import title, verdict_line
-from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.report.curves_section import in_sight, input_plot
+from sklearn_pgnn.inspection.report.finding import next_step, title, verdict_line
 from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
+from sklearn_pgnn.inspection.runs import run_records
+from sklearn_pgnn.inspection.style import label
+from sklearn_pgnn.inspection.svg import Plot, Scale
 from sklearn_pgnn.inspection.words import verdict_sentence
-from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.physics.effects import CoulombFriction
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import robot_in
+from sklearn_pgnn.trajectories import read_records
 
 MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")
 RESULT, LOOK = Path("result"), Path("look.html")
 #: hidden effect of the example's cart, and the number of its records
 FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
+_HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
+
+
+def draw_look(model: PhysicsModel, X, y) -> str:
+    """Return how the model as given follows the records: warnings, a table, and every record."""
+    seen = first_look(model, X, y)
+    records = read_records(model, X, y)
+    runs = run_records(model, records)
+    return render(
+        "look.html.j2",
+        warnings=seen.warnings,
+        fits=[
+            {
+                "name": o.output,
+                "fit": fit_text(o.fit),
+                "error": number(o.error, 3),
+                "noise": number(o.noise, 3),
+                "unit": typeset_unit(o.unit) or "-",
+            }
+            for o in seen.outputs
+        ],
+        records=[
+            {
+                "name": r.name,
+                "about": f"{r.samples} samples, {number(r.duration, 3)} s{_fits(r, seen)}",
+                "plots": _plots(model, record, run),
+            }
+            for r, record, run in zip(seen.records, records, runs, strict=True)
+        ],
+    )
+
+
+def _fits(record, seen) -> str:
+    """Return the fit of one record among several, by output; of one, the table tells."""
+    if len(seen.records) == 1:
+        return ""
+    fits = ", ".join(f"{fit_text(fit)} of {name}" for name, fit in record.fit.items())
+    return f", fit {fits}"
+
+
+def _plots(model: PhysicsModel, record, run) -> list[tuple[str, Markup]]:
+    """Return the plots of a record: every output, measured and simulated, then the inputs."""
+    x = Scale.over(record.t, room=0)
+    plots = []
+    for i, name in enumerate(model.outputs):
+        y, simulated = record.y[:, i], run.y[:, i]
+        plot = Plot(x, in_sight(y, [simulated]), f"{name} measured and simulated", "medium")
+        plot.line(record.t, y, "measured", "measured")
+        plot.line(record.t, simulated, "prior", "model as given")
+        plots.append((label(name, model.unit(name)), plot.html()))
+    for i, name in enumerate(model.inputs):
+        plots.append(input_plot(record.t, record.u[:, i], name, model.unit(name)))
+    return plots
 
 
 def take_model(progress: Callable, label: str) -> dict:
@@ -37,22 +97,18 @@ def take_model(progress: Callable, label: str) -> dict:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", ModelWarning)
         try:
-            _require_equations(robot_in(NEW))
+            if (robot := robot_in(NEW)) is not None:
+                raise ModelError(
+                    f"{NEW}: expected a model that is whole, got one of a robot in "
+                    f"{robot['file']!r}. Remedy: sklearn-pgnn diagnose --model MODEL.yaml, where "
+                    f"both files are."
+                )
             model = PhysicsModel.from_yaml(NEW)
         except ModelError as error:
             raise ModelError(str(error).replace(str(NEW), label)) from error
     os.replace(NEW, MODEL)
     said = [str(w.message) for w in told if issubclass(w.category, ModelWarning)]
     return _told_model(model, label, [text.replace(str(NEW), label) for text in said])
-
-
-def _require_equations(robot: dict | None) -> None:
-    """Refuse a model whose machine is in a file beside it."""
-    if robot is not None:
-        raise ModelError(
-            f"{NEW}: expected a model that is whole, got one of a robot in {robot['file']!r}. "
-            f"Remedy: sklearn-pgnn diagnose --model MODEL.yaml, where both files are."
-        )
 
 
 def take_system(progress: Callable, system: str) -> dict:
@@ -76,18 +132,14 @@ def make_example(progress: Callable) -> dict:
     return {"model": take_system(progress, "cart-on-spring"), "files": names}
 
 
-_HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
-
-
 def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:
     """Return the data of a model for display."""
     return {
         "label": label,
         "name": model.name,
         "parts": {
-            "states": _units(model, model.states),
-            "inputs": _units(model, model.inputs),
-            "outputs": _units(model, model.outputs),
+            part: [_with_unit(name, model.unit(name)) for name in getattr(model, part)]
+            for part in ("states", "inputs", "outputs")
         },
         "parameters": [
             f"{name} = {number(p.value)} {typeset_unit(p.unit)}".rstrip()
@@ -98,9 +150,8 @@ def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:
     }
 
 
-def _units(model: PhysicsModel, names) -> list[str]:
-    units = {name: typeset_unit(model.unit(name)) for name in names}
-    return [f"{name} [{unit}]" if unit else name for name, unit in units.items()]
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{typeset_unit(unit)}]" if typeset_unit(unit) else name
 
 
 def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
@@ -108,11 +159,16 @@ def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
     return seen_columns(PhysicsModel.from_yaml(MODEL), files)
 
 
+def _read(files, mapping) -> tuple:
+    """Return the model and the records as they were mapped."""
+    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
+    return model, *read_mapped(model, files, mapping)
+
+
 def look(progress: Callable, files, mapping, options) -> dict:
     """Plot the records together with the model as given."""
     progress("reading the records")
-    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
-    X, y = read_mapped(model, files, mapping)
+    model, X, y = _read(files, mapping)
     progress("simulating the model as given")
     LOOK.write_text(draw_look(model, X, y), encoding="utf-8")
     return {}
@@ -121,15 +177,16 @@ def look(progress: Callable, files, mapping, options) -> dict:
 def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
     """Diagnose, write the files of the result, and return the data for display."""
     progress("reading the model and the records")
-    model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
-    X, y = read_mapped(model, files, mapping)
+    model, X, y = _read(files, mapping)
     diagnosis = ModelDiagnosis(model, progress=progress, **options)
     broken, warned = fit_kept(diagnosis, X, y)
     progress("writing the report")
     RESULT.mkdir(exist_ok=True)
     for file in RESULT.iterdir():
         file.unlink()
-    error = broken or write_results(RESULT, diagnosis, _provenance(label, files))
+    data = tuple(SourceFile(file["label"], file["sha256"]) for file in files)
+    source = Provenance(SourceFile(label, SourceFile.read(MODEL).sha256), data, "sklearn-pgnn app")
+    error = broken or write_results(RESULT, diagnosis, source)
     return {
         "title": title(diagnosis),
         "verdict": verdict_line(diagnosis),
@@ -139,12 +196,6 @@ def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
         "files": list(described_files(diagnosis).items()),
         "warnings": warned if error is None else [*warned, Bug(error).message],
     }
-
-
-def _provenance(label: str, files) -> Provenance:
-    model = SourceFile(label, SourceFile.read(MODEL).sha256)
-    data = tuple(SourceFile(file["label"], file["sha256"]) for file in files)
-    return Provenance(model, data, "sklearn-pgnn app")
 
 
 JOBS: dict[str, Callable] = {

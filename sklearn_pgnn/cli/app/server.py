@@ -15,18 +15,17 @@ from starlette.routing import Route
 
 from sklearn_pgnn.cli.app.forms import clean_mapping, clean_options
 from sklearn_pgnn.cli.app.guard import Guard
-from sklearn_pgnn.cli.app.limits import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECORD_BYTES
-from sklearn_pgnn.cli.app.page import page, sections
-from sklearn_pgnn.cli.app.render import of_report, source, style
+from sklearn_pgnn.cli.app.page import of_report, page, sections, source, style
 from sklearn_pgnn.cli.app.visitor import Visitor
-from sklearn_pgnn.cli.app.work import Refused
+from sklearn_pgnn.cli.app.work import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECORD_BYTES, Refused
 
 ADDRESS = "127.0.0.1"
 #: permissions of the report: those of its own policy, and none of this page
 SANDBOX = "sandbox allow-scripts; frame-ancestors 'none'"
 _HTML, _TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
+SCRIPT = "text/javascript"
 
-Change = Callable[[Visitor, Request], Awaitable[None]]
+Change = Callable[[Visitor, Request], Awaitable[object]]
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
@@ -45,27 +44,13 @@ class Server:
             await self.visitor.close()
 
     def _routes(self) -> list[Route]:
-        changes: dict[tuple[str, str], Change] = {
-            ("/start", "POST"): _start,
-            ("/model", "POST"): _take_model,
-            ("/system", "POST"): _take_system,
-            ("/example", "POST"): _take_example,
-            ("/records", "POST"): _take_record,
-            ("/records/{number:int}", "DELETE"): _drop_record,
-            ("/look", "POST"): _begin_look,
-            ("/diagnosis", "POST"): _begin_diagnosis,
-            ("/work", "DELETE"): _stop,
-        }
         return [
-            Route("/", self._seen(_page)),
-            Route("/style.css", _style),
-            Route("/favicon.ico", _no_icon),
-            Route("/app.js", _script),
-            Route("/zoom.js", _zoom),
-            Route("/sections", self._seen(_sections)),
-            Route("/model.yaml", self._seen(_model_file)),
-            Route("/result/{name}", self._seen(_result_file)),
-            *(Route(p, self._changing(do), methods=[m]) for (p, m), do in changes.items()),
+            Route("/favicon.ico", _fixed(Response(status_code=204))),
+            Route("/style.css", _fixed(Response(style(), media_type="text/css"))),
+            Route("/app.js", _fixed(Response(source("app.js"), media_type=SCRIPT))),
+            Route("/zoom.js", _fixed(Response(of_report("zoom.js"), media_type=SCRIPT))),
+            *(Route(path, self._seen(show)) for path, show in SHOWN.items()),
+            *(Route(path, self._changing(do), methods=[m]) for (path, m), do in CHANGES.items()),
         ]
 
     def _seen(self, show: Callable[[Visitor, Request], Response]) -> Endpoint:
@@ -80,59 +65,44 @@ class Server:
         """Return an endpoint that changes something of the session, and shows the result."""
 
         async def endpoint(request: Request) -> Response:
-            visitor = self.visitor
             try:
-                await change(visitor, request)
+                await change(self.visitor, request)
             except TooLarge as error:
                 return JSONResponse({"message": str(error)}, 413)
             except Refused as refused:
-                return JSONResponse({"message": str(refused), **_state(visitor)}, 400)
+                return _state(self.visitor, str(refused), 400)
             except ClientDisconnect:
                 return Response(status_code=400)
-            return JSONResponse({"message": "", **_state(visitor)})
+            return _state(self.visitor, "")
 
         return endpoint
+
+
+def _fixed(response: Response) -> Endpoint:
+    """Return an endpoint that always says the same."""
+
+    async def endpoint(_request: Request) -> Response:
+        return response
+
+    return endpoint
 
 
 # -- what is shown ---------------------------------------------------------------------------------
 
 
-def _page(visitor: Visitor, _request: Request) -> Response:
-    return HTMLResponse(page(visitor))
+def _state(visitor: Visitor, message: str, status: int = 200) -> Response:
+    shown = {"sections": sections(visitor), "busy": visitor.running is not None}
+    return JSONResponse({"message": message, **shown}, status)
 
 
 def _unknown() -> Response:
     return JSONResponse({"message": "There is no such file. Reload the page."}, 404)
 
 
-def _state(visitor: Visitor) -> dict:
-    return {"sections": sections(visitor), "busy": visitor.running is not None}
-
-
-def _sections(visitor: Visitor, _request: Request) -> Response:
-    return JSONResponse({"message": visitor.message, **_state(visitor)})
-
-
-async def _style(_request: Request) -> Response:
-    return Response(style(), media_type="text/css")
-
-
-async def _script(_request: Request) -> Response:
-    return Response(source("app.js"), media_type="text/javascript")
-
-
-async def _zoom(_request: Request) -> Response:
-    return Response(of_report("zoom.js"), media_type="text/javascript")
-
-
-async def _no_icon(_request: Request) -> Response:
-    return Response(status_code=204)
-
-
 def _model_file(visitor: Visitor, _request: Request) -> Response:
     if visitor.model is None:
         return _unknown()
-    return _download(visitor.folder / "model.yaml", "model.yaml")
+    return _download(visitor.folder / "model.yaml")
 
 
 def _result_file(visitor: Visitor, request: Request) -> Response:
@@ -145,37 +115,24 @@ def _result_file(visitor: Visitor, request: Request) -> Response:
     if known[0] == "report.html" and "download" not in request.query_params:
         headers = {"Content-Security-Policy": SANDBOX}
         return Response(path.read_bytes(), headers=headers, media_type=_HTML)
-    return _download(path, known[0])
+    return _download(path)
 
 
-def _download(path: Path, name: str) -> Response:
-    headers = {"Content-Disposition": f'attachment; filename="{_ascii(name)}"'}
+def _download(path: Path) -> Response:
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in path.name)
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return Response(path.read_bytes(), headers=headers, media_type=_TEXT)
 
 
-def _ascii(name: str) -> str:
-    return "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in name)
+SHOWN: dict[str, Callable[[Visitor, Request], Response]] = {
+    "/": lambda visitor, _: HTMLResponse(page(visitor)),
+    "/sections": lambda visitor, _: _state(visitor, visitor.message),
+    "/model.yaml": _model_file,
+    "/result/{name}": _result_file,
+}
 
 
 # -- what is changed -------------------------------------------------------------------------------
-
-
-async def _start(visitor: Visitor, _request: Request) -> None:
-    """Start the process, so that it is ready when it is needed."""
-    await visitor.worker.start()
-
-
-async def _take_model(visitor: Visitor, request: Request) -> None:
-    await visitor.take_model(await _body(request, MODEL_BYTES), _label(request))
-
-
-async def _take_system(visitor: Visitor, request: Request) -> None:
-    form = await _form(request)
-    await visitor.take_system(str(form.get("system", "")))
-
-
-async def _take_example(visitor: Visitor, _request: Request) -> None:
-    await visitor.take_example()
 
 
 async def _take_record(visitor: Visitor, request: Request) -> None:
@@ -184,29 +141,37 @@ async def _take_record(visitor: Visitor, request: Request) -> None:
     await visitor.take_record(number, _label(request), content)
 
 
-async def _drop_record(visitor: Visitor, request: Request) -> None:
-    await visitor.drop_record(request.path_params["number"])
-
-
-async def _begin_look(visitor: Visitor, request: Request) -> None:
+async def _begin(visitor: Visitor, request: Request, what: str) -> None:
     form = await _form(request)
-    visitor.begin("look", clean_mapping(form.get("mapping"), _columns(visitor)), {})
-
-
-async def _begin_diagnosis(visitor: Visitor, request: Request) -> None:
-    form = await _form(request)
-    mapping = clean_mapping(form.get("mapping"), _columns(visitor))
-    visitor.begin("diagnose", mapping, clean_options(form.get("options")))
-
-
-async def _stop(visitor: Visitor, _request: Request) -> None:
-    await visitor.stop()
-
-
-def _columns(visitor: Visitor) -> dict:
     if visitor.columns is None:
         raise Refused("Expected a model and records first.")
-    return visitor.columns
+    mapping = clean_mapping(form.get("mapping"), visitor.columns)
+    options = clean_options(form.get("options")) if what == "diagnose" else {}
+    visitor.begin(what, mapping, options)
+
+
+async def _take_model(visitor: Visitor, request: Request) -> None:
+    await visitor.take_model(await _body(request, MODEL_BYTES), _label(request))
+
+
+async def _take_system(visitor: Visitor, request: Request) -> None:
+    await visitor.take_system(str((await _form(request)).get("system", "")))
+
+
+CHANGES: dict[tuple[str, str], Change] = {
+    # so that the process is ready when it is needed
+    ("/start", "POST"): lambda visitor, _: visitor.worker.start(),
+    ("/model", "POST"): _take_model,
+    ("/system", "POST"): _take_system,
+    ("/example", "POST"): lambda visitor, _: visitor.take_example(),
+    ("/records", "POST"): _take_record,
+    ("/records/{number:int}", "DELETE"): lambda visitor, request: visitor.drop_record(
+        request.path_params["number"]
+    ),
+    ("/look", "POST"): lambda visitor, request: _begin(visitor, request, "look"),
+    ("/diagnosis", "POST"): lambda visitor, request: _begin(visitor, request, "diagnose"),
+    ("/work", "DELETE"): lambda visitor, _: visitor.stop(),
+}
 
 
 def _label(request: Request) -> str:

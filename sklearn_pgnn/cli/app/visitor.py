@@ -6,8 +6,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
-from sklearn_pgnn.cli.app.limits import ALL_BYTES, NAME, PATIENCE, RECORDS
-from sklearn_pgnn.cli.app.work import NO_MEMORY, Ended, Refused, Worker
+from sklearn_pgnn.cli.app.work import (
+    ALL_BYTES,
+    NAME,
+    NO_MEMORY,
+    PATIENCE,
+    RECORDS,
+    Ended,
+    Refused,
+    Worker,
+)
 from sklearn_pgnn.stages import BEST, in_words
 
 
@@ -29,17 +37,10 @@ class RecordFile:
         """Name in the folder."""
         return f"{self.number}.csv"
 
-    def to_dict(self) -> dict:
-        """Return the data that the process needs."""
-        return {"file": self.file, "label": self.label, "sha256": self.sha256}
-
 
 @dataclass
 class Stages:
-    """The stages of the work in progress.
-
-    `began` is the time of its beginning, by `time.monotonic` [s].
-    """
+    """The stages of the work in progress, which `began` [s] by `time.monotonic`."""
 
     what: str
     began: float = field(default_factory=monotonic)
@@ -113,7 +114,6 @@ class Visitor:
 
     async def _read_model(self, command: dict) -> None:
         self.model = await self.ask(command)
-        self.forget_look()
         await self.read_columns()
 
     async def take_example(self) -> None:
@@ -125,7 +125,6 @@ class Visitor:
         for number, label in enumerate(made["files"], start=1):
             content = (self.folder / f"{number}.csv").read_bytes()
             self.records.append(_record(number, label, content))
-        self.forget_look()
         await self.read_columns()
 
     def new_number(self) -> int:
@@ -148,7 +147,6 @@ class Visitor:
         record = _record(number, shown_name(label), content)
         (self.folder / record.file).write_bytes(content)
         self.records.append(record)
-        self.forget_look()
         try:
             await self.read_columns()
         except Refused:
@@ -161,7 +159,6 @@ class Visitor:
         for record in [record for record in self.records if record.number == number]:
             self.records.remove(record)
             (self.folder / record.file).unlink()
-        self.forget_look()
         await self.read_columns()
 
     @property
@@ -169,15 +166,9 @@ class Visitor:
         """Size of all records in bytes."""
         return sum(record.size for record in self.records)
 
-    def forget_look(self) -> None:
-        """Forget what was seen of other files."""
-        self.looked, self.result, self.message, self.running = False, None, "", None
-
     async def read_columns(self) -> None:
-        """Read the names of the files' columns, and guess their quantities.
-
-        A chosen column is kept if the files still have it.
-        """
+        """Read the names of the files' columns; guess those that were not chosen, or are gone."""
+        self.looked, self.result, self.message, self.running = False, None, "", None
         self.columns = None
         if self.model is None or not self.records:
             self.mapping = {}
@@ -191,7 +182,7 @@ class Visitor:
     @property
     def files(self) -> list[dict]:
         """The files in the form that the process takes."""
-        return [record.to_dict() for record in self.records]
+        return [{"file": r.file, "label": r.label, "sha256": r.sha256} for r in self.records]
 
     # -- what is done ------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""The process that works for the page: commanded by lines of JSON, ended to cancel."""
+"""The process that works for the page: commanded by lines of JSON, ended to cancel; its limits."""
 
 import asyncio
 import contextlib
@@ -9,7 +9,19 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from sklearn_pgnn.cli.app.limits import MEMORY
+#: largest model file and largest file of records [byte], and largest sum of them
+MODEL_BYTES, RECORD_BYTES, ALL_BYTES = 1_000_000, 50_000_000, 200_000_000
+#: largest other request [byte]
+FORM_BYTES = 100_000
+#: files of records
+RECORDS = 50
+#: most memory of the process that reads and diagnoses [byte]
+MEMORY = 8_000_000_000
+#: time after which what should take seconds is ended [s]
+PATIENCE = 120.0
+#: characters of a file's name that are kept
+NAME = 80
+
 
 MODULE = "sklearn_pgnn.cli.app.worker"
 #: longest line that the process may answer [byte]
@@ -48,7 +60,7 @@ class Worker:
                     "-m",
                     MODULE,
                     cwd=self.folder,
-                    env=_environment(),
+                    env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
                     stdin=asyncio.subprocess.PIPE,
                     stdout=asyncio.subprocess.PIPE,
                     limit=LINE,
@@ -87,8 +99,3 @@ class Worker:
             else:
                 process.kill()
         await process.wait()
-
-
-def _environment() -> dict[str, str]:
-    """Return the environment of the process, in which Python finds what it finds here."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -15,8 +15,7 @@ from contextlib import suppress
 from time import monotonic
 
 from sklearn_pgnn.cli.app.jobs import JOBS
-from sklearn_pgnn.cli.app.limits import MEMORY
-from sklearn_pgnn.cli.app.work import NO_MEMORY
+from sklearn_pgnn.cli.app.work import MEMORY, NO_MEMORY
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.exceptions import UNUSABLE
 

@@ -1,15 +1,79 @@
-"""What a report shows of every cause."""
+"""What a report shows of every cause, and of all that may stand in its place."""
 
+from dataclasses import dataclass
+
+from sklearn_pgnn.diagnosis.noise_units import scaled_error
+from sklearn_pgnn.estimation.fitted_records import FittedWindows, as_judged
+from sklearn_pgnn.experiment_design.separation import swap
 from sklearn_pgnn.inspection.case import known_effects
-from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.model_files import file_of
-from sklearn_pgnn.inspection.numbers import chance, measured, number, times, typeset_unit
-from sklearn_pgnn.inspection.report.members import Member
-from sklearn_pgnn.inspection.report.next_step import expectation
-from sklearn_pgnn.inspection.report.who_did_what import parts_of_error
+from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
+from sklearn_pgnn.inspection.numbers import chance, number, times, typeset_unit
+from sklearn_pgnn.inspection.report.finding import expectation
+from sklearn_pgnn.inspection.report.tiles import parts_of_error
 from sklearn_pgnn.inspection.words import separation_sentence
+from sklearn_pgnn.inspection.yardstick import together
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.rates import worded_for
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
+
+
+@dataclass(frozen=True)
+class Member:
+    """A cause, or what may stand in its place, and what it leaves in units of the noise."""
+
+    name: str
+    effect: Effect
+    probability: float
+    left: float
+    fit: FittedWindows
+    model: PhysicsModel
+
+    @property
+    def sizes(self) -> list[tuple[str, float, str]]:
+        """Its parameters: name, value and unit."""
+        found = self.fit.model.parameters
+        own = {field: found[name] for field, name in self.effect.names().items() if name in found}
+        return [(field.replace("_", " "), p.value, p.unit) for field, p in own.items()]
+
+
+def all_members(diagnosis) -> dict[int, list[Member]]:
+    """Return by the number of a cause all that may stand in its place, where there is anything."""
+    return {
+        number: members_of(diagnosis, cause)
+        for number, cause in enumerate(diagnosis.causes_)
+        if cause.confused_with
+    }
+
+
+def members_of(diagnosis, cause) -> list[Member]:
+    """Return a cause and its rivals, every rival fitted in its place."""
+    records, known = diagnosis.records_, known_effects(diagnosis)
+    mine = next(e for e in records.causes if (e.id, e.target) == (cause.effect, cause.target))
+    extended = records.fits["extended"]
+    found = [
+        Member(
+            cause_name(cause.effect, cause.target),
+            mine,
+            cause.probability,
+            together(diagnosis).extended,
+            extended,
+            diagnosis.extended_model_,
+        )
+    ]
+    for rival in cause.confused_with:
+        effect = known[rival.effect](rival.target)
+        fit = swap(records, mine, effect, None)
+        left = found[0].left * scaled_error(records, fit) / scaled_error(records, extended)
+        name = cause_name(rival.effect, rival.target)
+        model = as_judged(records.problem, fit)
+        found.append(Member(name, effect, rival.probability, left, fit, model))
+    return found
+
+
+def file_of(model: PhysicsModel) -> str:
+    """Return a model as the text of a model file; empty if it calls functions without equation."""
+    return "" if model.opaque_functions else model.to_yaml()
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
@@ -34,12 +98,10 @@ def _cause(diagnosis, cause) -> dict:
         "check": cause.check,
         "expectation": expectation(cause),
         "parameters": [
-            {
-                "name": field.replace("_", " "),
-                "symbol": symbols[field],
-                "value": measured(e.value, e.low, e.high, typeset_unit(e.unit)),
-            }
-            for field, e in cause.parameters.items()
+            {"name": name, "symbol": symbol, "value": size}
+            for (name, size), symbol in zip(
+                sizes_of(cause).items(), map(symbols.get, cause.parameters), strict=True
+            )
         ],
         "probability": chance(cause.probability),
         "outside": chance(cause.outside),

@@ -1,38 +1,84 @@
 """The content of a report, by the variables of its templates."""
 
+from collections.abc import Callable
 from datetime import date
 from itertools import pairwise
+from typing import Any
 
-from sklearn_pgnn.inspection.cause_names import candidate_name
+from sklearn_pgnn.exceptions import DiagnosisWarning
+from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.numbers import number, percent, times
-from sklearn_pgnn.inspection.parameter_ends import spread_sentence
-from sklearn_pgnn.inspection.report.causes import told_causes
-from sklearn_pgnn.inspection.report.characteristics import characteristics
-from sklearn_pgnn.inspection.report.correlation import correlation
+from sklearn_pgnn.inspection.numbers import (
+    free_run_error,
+    least_size,
+    number,
+    percent,
+    times,
+    typeset_unit,
+)
+from sklearn_pgnn.inspection.remedies import spread_sentence
+from sklearn_pgnn.inspection.report.causes import all_members, told_causes
 from sklearn_pgnn.inspection.report.curves_section import curve_sections, keys
 from sklearn_pgnn.inspection.report.dot_plot import dot_plot
-from sklearn_pgnn.inspection.report.finding import leaves_more, title, verdict_line
-from sklearn_pgnn.inspection.report.forest import forest
+from sklearn_pgnn.inspection.report.evidence_section import (
+    characteristics,
+    residual_maps,
+    residual_tests,
+)
+from sklearn_pgnn.inspection.report.finding import leaves_more, next_step, title, verdict_line
 from sklearn_pgnn.inspection.report.formula import FoundFormula, told_formula
-from sklearn_pgnn.inspection.report.members import all_members
-from sklearn_pgnn.inspection.report.method import method, versions
-from sklearn_pgnn.inspection.report.next_step import next_step
-from sklearn_pgnn.inspection.report.part import part
-from sklearn_pgnn.inspection.report.provenance import Provenance
-from sklearn_pgnn.inspection.report.residual_maps import residual_maps
-from sklearn_pgnn.inspection.report.residual_tests import residual_tests
-from sklearn_pgnn.inspection.report.smallest import smallest_rows
-from sklearn_pgnn.inspection.report.tables import error_rows
-from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
-from sklearn_pgnn.inspection.report.who_did_what import segments_of_bar
+from sklearn_pgnn.inspection.report.parameters import correlation, forest
+from sklearn_pgnn.inspection.report.provenance import Provenance, method, versions
+from sklearn_pgnn.inspection.report.tiles import make_tiles, segments_of_bar, worst
 from sklearn_pgnn.inspection.words import (
     NOT_COMPARED,
     remaining_sentence,
     unusable_sentence,
     verdict_sentence,
 )
-from sklearn_pgnn.inspection.yardstick import shown_models, together
+from sklearn_pgnn.inspection.yardstick import ratio, shown_models, together
+from sklearn_pgnn.user_line import warn_user
+
+
+def part(what: str, make: Callable[..., Any], *of: Any, without: Any) -> Any:
+    """Return a part of a report; after an error what stands in its place, with a warning."""
+    try:
+        return make(*of)
+    except Exception as error:
+        warning = DiagnosisWarning(
+            f"the report lacks {what} ({type(error).__name__}: {error}). Remedy: report it as a "
+            f"bug of sklearn-pgnn; all else of the report is there."
+        )
+        warning.__cause__ = error
+        warn_user(warning, DiagnosisWarning)
+        return without
+
+
+def error_rows(diagnosis) -> list[dict]:
+    """Return the errors over held-out windows and in free run, output by output."""
+    return [
+        {
+            "output": output,
+            "how": how,
+            "errors": [
+                {
+                    "value": free_run_error(error),
+                    "times": times(ratio(error, gain.noise)).replace("diverges", ""),
+                }
+                for error in (getattr(errors, which) for which in shown_models(diagnosis))
+            ],
+            "noise": number(gain.noise, 3),
+            "unit": typeset_unit(diagnosis.model.unit(output)) or "-",
+        }
+        for output, gain in diagnosis.gain_.items()
+        for how, errors in (("held-out windows", gain), ("free run", diagnosis.free_run_[output]))
+    ]
+
+
+def _smallest(row) -> dict:
+    """Return the smallest size of an effect that would have been named."""
+    size = f"{row.parameter.replace('_', ' ')} {least_size(row)}" if row.smallest > 0 else ""
+    return {"name": cause_name(row.effect, row.target), "size": size, "reason": row.reason}
 
 
 def report_content(diagnosis, provenance: Provenance, detectability=None) -> dict:
@@ -40,10 +86,13 @@ def report_content(diagnosis, provenance: Provenance, detectability=None) -> dic
     formula = None if diagnosis.discrepancy_ is None else FoundFormula(diagnosis)
     return {
         **_top(diagnosis),
-        **_source(diagnosis, provenance),
+        "provenance": provenance,
+        "records": _records(diagnosis),
+        "versions": versions(),
+        "date": provenance.date or date.today().isoformat(),
         **_story(diagnosis, formula),
         **_appendix(diagnosis),
-        "smallest": smallest_rows(detectability),
+        "smallest": [] if detectability is None else list(map(_smallest, detectability.rows)),
         "power": "" if detectability is None else f"{100 * detectability.power:.0f}",
     }
 
@@ -61,15 +110,6 @@ def _top(diagnosis) -> dict:
         "bar": segments_of_bar(diagnosis),
         "next_step": next_step(diagnosis),
         "data_quality": diagnosis.data_quality_,
-    }
-
-
-def _source(diagnosis, provenance: Provenance) -> dict:
-    return {
-        "provenance": provenance,
-        "records": _records(diagnosis),
-        "versions": versions(),
-        "date": provenance.date or date.today().isoformat(),
     }
 
 

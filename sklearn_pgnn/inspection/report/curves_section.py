@@ -1,13 +1,11 @@
 """Curves of every record: measured and simulated, the errors on their own scale, the inputs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from sklearn_pgnn.diagnosis.free_run import free_runs
-from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.inspection.display import called, typical
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
@@ -17,107 +15,64 @@ from sklearn_pgnn.inspection.yardstick import MODELS, shown_models
 BAND, FAR = 2.0, 8.0
 
 
-@dataclass(frozen=True)
-class Curves:
-    """A record as it was measured and simulated.
-
-    `plots` has what is drawn, and its plot.
-    """
-
-    title: str
-    plots: tuple[tuple[str, Markup], ...]
-
-
-@dataclass(frozen=True)
-class CurveDrawer:
-    """Draws records and what models make of them.
-
-    `simulated` has, by the model's key in `MODELS`, its outputs on all records, end to end, of
-    shape (n_samples, n_outputs); `restarts` is whether the models restart on every window.
-    """
-
-    diagnosis: ModelDiagnosis
-    simulated: Mapping[str, np.ndarray]
-    restarts: bool
-
-    @property
-    def best(self) -> str:
-        """The model whose error is shown: the last."""
-        return list(self.simulated)[-1]
-
-    def _css(self, which: str) -> str:
-        return f"{which} best" if which == self.best else which
-
-    def draw(self, record: int) -> Curves:
-        """Return the curves of a record."""
-        names = self.diagnosis.records_.names
-        outputs = range(len(self.diagnosis.model.outputs))
-        plots = [plot for i in outputs for plot in self._output(record, i)]
-        inputs = range(len(self.diagnosis.model.inputs))
-        plots += [self._input(record, i) for i in inputs]
-        return Curves(called(names[record], record, len(names)), tuple(plots))
-
-    def _rows(self, record: int) -> slice:
-        bounds = self.diagnosis.records_.windows.bounds
-        return slice(bounds[record], bounds[record + 1])
-
-    def _output(self, record: int, column: int) -> list[tuple[str, Markup]]:
-        model, rows = self.diagnosis.model, self._rows(record)
-        windows, name = self.diagnosis.records_.windows, list(model.outputs)[column]
-        t, y = windows.t[rows], windows.y[rows, column]
-        runs = {which: run[rows, column] for which, run in self.simulated.items()}
-        curves = Plot(
-            Scale.over(t, room=0), _in_sight(y, runs.values()), f"{name} measured and simulated"
-        )
-        self._mark(curves, record, y, y - runs[self.best], name)
-        curves.line(t, y, "measured", "measured")
-        for which, run in runs.items():
-            curves.line(t, run, self._css(which), MODELS[which])
-        noise = self.diagnosis.gain_[name].noise
-        best = y - runs[self.best]
-        errors = Plot(curves.x, _of_errors(best, noise), f"error of {name}", "low")
-        errors.band(-BAND * noise, BAND * noise, "noise-band", "two standard deviations of noise")
-        for which, run in runs.items():
-            errors.line(t, y - run, self._css(which), f"error {MODELS[which]}")
-        unit = model.unit(name)
-        return [
-            (label(name, unit), curves.html()),
-            (label(f"error of {name}", unit), errors.html()),
-        ]
-
-    def _input(self, record: int, column: int) -> tuple[str, Markup]:
-        model, rows = self.diagnosis.model, self._rows(record)
-        windows, name = self.diagnosis.records_.windows, list(model.inputs)[column]
-        t, u = windows.t[rows], windows.u[rows, column]
-        plot = Plot(Scale.over(t, room=0), Scale.over(u), f"input {name}", "low")
-        plot.line(t, u, "input", name)
-        return label(name, model.unit(name)), plot.html()
-
-    def _mark(self, plot: Plot, record: int, y, error, name: str) -> None:
-        """Shade every second window, and mark gaps and samples that lie far off."""
-        rows, windows = self._rows(record), self.diagnosis.records_.windows
-        t, own = windows.t, np.flatnonzero(windows.record == record)
-        if self.restarts:
-            for start, length in zip(
-                windows.starts[own][::2], windows.lengths[own][::2], strict=True
-            ):
-                plot.shade(t[start], t[start + length - 1], "window", "a window")
-        for low, high in _gaps(t[rows], y):
-            plot.shade(low, high, "gap", "nothing was measured")
-        alone = _single(error) > FAR * self.diagnosis.gain_[name].noise
-        if self.restarts and alone.any():
-            plot.points(t[rows][alone], y[alone], "outlier", "a single sample that lies far off")
-
-
-def curve_sections(diagnosis) -> tuple[Curves, Curves, list[Curves]]:
+def curve_sections(diagnosis) -> tuple[dict, dict, list[dict]]:
     """Return the curves of a typical record in free run and over windows, then all others."""
     records, drawn = diagnosis.records_, shown_models(diagnosis)
     windowed = {which: records.windows.y - records.fits[which].residual for which in drawn}
     free = {which: np.concatenate([r.y for r in free_runs(records, which)]) for which in drawn}
     first = typical(records)
-    runs = CurveDrawer(diagnosis, free, restarts=False)
-    others = [runs.draw(k) for k in range(len(records.names)) if k != first]
-    return runs.draw(first), CurveDrawer(diagnosis, windowed, restarts=True).draw(first), others
+    others = [_curves(diagnosis, free, k) for k in range(len(records.names)) if k != first]
+    over_windows = _curves(diagnosis, windowed, first, restarts=True)
+    return _curves(diagnosis, free, first), over_windows, others
+
+
+def _curves(diagnosis, simulated: Mapping, record: int, *, restarts: bool = False) -> dict:
+    """Return the curves of a record: its title, and every plot with what is drawn.
+
+    `simulated` has, by the model's key in `MODELS`, its outputs on all records, end to end.
+    """
+    names, model, windows = diagnosis.records_.names, diagnosis.model, diagnosis.records_.windows
+    rows, plots = slice(windows.bounds[record], windows.bounds[record + 1]), []
+    for i, name in enumerate(model.outputs):
+        t, y, noise = windows.t[rows], windows.y[rows, i], diagnosis.gain_[name].noise
+        runs = {which: run[rows, i] for which, run in simulated.items()}
+        *_, best = runs.values()
+        title = f"{name} measured and simulated"
+        curves = Plot(Scale.over(t, room=0), in_sight(y, runs.values()), title)
+        if restarts:
+            _shade_windows(curves, windows, record)
+        for low, high in _gaps(t, y):
+            curves.shade(low, high, "gap", "nothing was measured")
+        alone = _single(y - best) > FAR * noise
+        if restarts and alone.any():
+            title = "a single sample that lies far off"
+            curves.points(t[alone], y[alone], "outlier", title)
+        plots += _draw(curves, t, y, runs, noise, name, model.unit(name))
+    for i, name in enumerate(model.inputs):
+        plots.append(input_plot(windows.t[rows], windows.u[rows, i], name, model.unit(name)))
+    return {"title": called(names[record], record, len(names)), "plots": plots}
+
+
+def _draw(curves: Plot, t, y, runs: Mapping, noise: float, name: str, unit: str) -> list[tuple]:
+    """Draw an output as measured and simulated, and the errors on a scale of their own."""
+    *_, best = runs
+    errors = Plot(curves.x, _of_errors(y - runs[best], noise), f"error of {name}", "low")
+    errors.band(-BAND * noise, BAND * noise, "noise-band", "two standard deviations of noise")
+    curves.line(t, y, "measured", "measured")
+    for which, run in runs.items():
+        css = f"{which} best" if which == best else which
+        curves.line(t, run, css, MODELS[which])
+        errors.line(t, y - run, css, f"error {MODELS[which]}")
+    shown = label(name, unit), label(f"error of {name}", unit)
+    return list(zip(shown, (curves.html(), errors.html()), strict=True))
+
+
+def _shade_windows(plot: Plot, windows, record: int) -> None:
+    """Shade every second window."""
+    own = np.flatnonzero(windows.record == record)[::2]
+    for start, length in zip(windows.starts[own], windows.lengths[own], strict=True):
+        ends = windows.t[start], windows.t[start + length - 1]
+        plot.shade(*ends, "window", "a window")
 
 
 def keys(diagnosis) -> list[tuple[str, str]]:
@@ -126,7 +81,14 @@ def keys(diagnosis) -> list[tuple[str, str]]:
     return [("measured", "measured"), *others, (f"{best} best", said)]
 
 
-def _in_sight(known, curves) -> Scale:
+def input_plot(t, u, name: str, unit: str) -> tuple[str, Markup]:
+    """Return the name of an input with its unit, and its plot."""
+    plot = Plot(Scale.over(t, room=0), Scale.over(u), f"input {name}", "low")
+    plot.line(t, u, "input", name)
+    return label(name, unit), plot.html()
+
+
+def in_sight(known, curves) -> Scale:
     """Return an axis on which a diverging model does not hide the rest."""
     if not np.isfinite(known).any():  # this record lacks the output
         return Scale.over(*curves)

@@ -1,10 +1,7 @@
 """All candidates as dots on a logarithmic axis, in units of the noise."""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
-
-from markupsafe import Markup
 
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import times
@@ -17,42 +14,8 @@ SHOWN = 12
 WORST = 1.25
 
 
-@dataclass(frozen=True)
-class CandidateRow:
-    """A candidate.
-
-    `left` is what it leaves, in words.
-    """
-
-    name: str
-    left: str
-    named: bool
-    picture: Markup
-
-
-@dataclass(frozen=True)
-class DotPlot:
-    """The candidates.
-
-    The named causes come first, then the best.
-    """
-
-    rows: list[CandidateRow]
-    ticks: Markup
-
-    @property
-    def shown(self) -> list[CandidateRow]:
-        """The first rows."""
-        return self.rows[:SHOWN]
-
-    @property
-    def folded(self) -> list[CandidateRow]:
-        """The others."""
-        return self.rows[SHOWN:]
-
-
-def dot_plot(diagnosis) -> DotPlot | None:
-    """Return the dot plot; None where no candidate was looked at alone."""
+def dot_plot(diagnosis) -> dict | None:
+    """Return the first rows and the others; None where no candidate was looked at alone."""
     found, errors = left_alone(diagnosis), together(diagnosis)
     if not found or not math.isfinite(errors.refitted):
         return None
@@ -62,7 +25,7 @@ def dot_plot(diagnosis) -> DotPlot | None:
     high = max(WORST * errors.refitted, 1.6)
     scale = Scale(low, high, log=True)
     rows = [_row(scale, errors.refitted, entry) for entry in entries]
-    return DotPlot(rows, scale_text(scale))
+    return {"shown": rows[:SHOWN], "folded": rows[SHOWN:], "ticks": scale_text(scale)}
 
 
 class _Entry(NamedTuple):
@@ -91,7 +54,7 @@ def _entries(diagnosis, found, errors) -> list[_Entry]:
     return sorted(entries, key=lambda entry: (round(entry.left, 2), not entry.named))
 
 
-def _row(scale: Scale, refitted: float, entry: _Entry) -> CandidateRow:
+def _row(scale: Scale, refitted: float, entry: _Entry) -> dict:
     is_worse = not entry.left <= WORST * refitted
     said = "makes it worse" if is_worse else times(entry.left)
     at = min(max(float(scale.place(max(entry.left, 1e-300))), 0.0), 1.0)
@@ -106,4 +69,5 @@ def _row(scale: Scale, refitted: float, entry: _Entry) -> CandidateRow:
         first, last = (float(scale.place(end)) for end in (low, high))
         shapes.append(whisker(first, last, "whisker", text))
     shapes.append(dot(at, "named" if entry.named else "candidate", text))
-    return CandidateRow(entry.name, said, entry.named, strip(text, shapes))
+    picture = strip(text, shapes)
+    return {"name": entry.name, "left": said, "named": entry.named, "picture": picture}

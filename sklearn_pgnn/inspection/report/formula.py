@@ -7,11 +7,11 @@ import numpy as np
 import sympy
 
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
-from sklearn_pgnn.inspection.balance import Samples
-from sklearn_pgnn.inspection.mathml import mathml_of
-from sklearn_pgnn.inspection.model_files import file_of
+from sklearn_pgnn.inspection.case import Samples
+from sklearn_pgnn.inspection.equations import mathml_of
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
-from sklearn_pgnn.inspection.report.correlation import fitted_again
+from sklearn_pgnn.inspection.report.causes import file_of
+from sklearn_pgnn.inspection.report.parameters import fitted_again
 from sklearn_pgnn.inspection.words import dependence, place_name
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -36,10 +36,7 @@ class Term:
 
 @dataclass(frozen=True)
 class FoundFormula:
-    """The formula of a diagnosis.
-
-    The `discrepancy_` of the diagnosis is not None.
-    """
+    """The formula of a diagnosis that has one."""
 
     diagnosis: ModelDiagnosis
 
@@ -57,19 +54,6 @@ class FoundFormula:
     def unit(self) -> str:
         """Unit of what the formula says: of an effort, a rate, or of the input or output."""
         return unit_at(self.model, self.part.target)
-
-    @property
-    def force(self) -> str:
-        """Unit of the force that a rate stands for; empty where it has no inertia."""
-        target, model = self.part.target, self.model
-        is_rate = target in model.inertia and not is_effort(model, target)
-        return model.port(target).unit if is_rate else ""
-
-    @property
-    def inertia(self) -> str:
-        """The inertia of a rate that a force stands for."""
-        port = self.model.port(self.part.target) if self.force else None
-        return "" if port is None else to_text(inertia_at(port, self.model))
 
     @cached_property
     def samples(self) -> Samples:
@@ -92,16 +76,6 @@ class FoundFormula:
             largest = float(abs(coefficient.value) * size)
             found.append(Term(name, expression, coefficient, largest))
         return found
-
-    @property
-    def moving(self) -> set[sympy.Symbol]:
-        """States, inputs and the time."""
-        return {*map(symbol, (*self.model.states, *self.model.inputs)), TIME}
-
-    @property
-    def expression(self) -> sympy.Expr:
-        """The terms with the names of their coefficients."""
-        return sympy.Add(*(symbol(term.name) * term.expression for term in self.terms))
 
     def coefficient_unit(self, term: Term) -> str:
         """Return the unit of a coefficient: that of the formula by that of its term."""
@@ -129,29 +103,31 @@ def _unit_of(expression: sympy.Expr, model: PhysicsModel) -> str:
 
 def told_formula(formula: FoundFormula) -> dict:
     """Return what a report shows of a formula: plain text by the template's variable."""
-    part = formula.part
+    part, model = formula.part, formula.model
+    moving = {*map(symbol, (*model.states, *model.inputs)), TIME}
+    port = None
+    if part.target in model.inertia and not is_effort(model, part.target):
+        port = model.port(part.target)  # the rate stands for a force
+    force = "" if port is None else port.unit
+    expression = sympy.Add(*(symbol(term.name) * term.expression for term in formula.terms))
     return {
         "place": place_name(formula.diagnosis.model, part.target),
         "dependence": dependence(formula.diagnosis, part),
-        "left": times(formula.part.error),
+        "left": times(part.error),
         "unit": typeset_unit(formula.unit) or "-",
-        "force": typeset_unit(formula.force),
-        "inertia": formula.inertia,
-        "mathml": mathml_of(formula.expression, formula.moving),
-        "text": to_text(formula.expression),
+        "force": typeset_unit(force),
+        "inertia": to_text(inertia_at(port, model)) if port and force else "",
+        "mathml": mathml_of(expression, moving),
+        "text": to_text(expression),
         "terms": [
             {
                 "name": term.name,
-                "mathml": mathml_of(term.expression, formula.moving),
-                "value": measured(
-                    term.coefficient.value,
-                    term.coefficient.low,
-                    term.coefficient.high,
-                    formula.coefficient_unit(term),
-                ),
+                "mathml": mathml_of(term.expression, moving),
+                "value": measured(c.value, c.low, c.high, formula.coefficient_unit(term)),
                 "largest": f"{number(term.largest, 3)} {typeset_unit(formula.unit)}".rstrip(),
             }
             for term in formula.terms
+            for c in [term.coefficient]
         ],
-        "file": file_of(formula.model),
+        "file": file_of(model),
     }

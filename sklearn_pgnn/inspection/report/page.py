@@ -106,6 +106,7 @@ def render_report(
 def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
     """Render a template."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
+    from markupsafe import escape
 
     room = Environment(
         autoescape=True,
@@ -113,10 +114,10 @@ def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         loader=FunctionLoader(source),
-        finalize=_with_minus_signs,
+        finalize=lambda value: MINUS.sub("\u2212", value) if type(value) is str else value,
     )
     room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
-    room.filters["as_it_is"] = _as_it_is
+    room.filters["as_it_is"] = escape  # hyphens stay what they are, to be copied
     return room.get_template(name).render(**content)
 
 
@@ -133,15 +134,3 @@ def style_sheet() -> str:
 def _source(name: str) -> str:
     folder = files("sklearn_pgnn.inspection.report").joinpath(TEMPLATES)
     return folder.joinpath(name).read_text(encoding="utf-8")
-
-
-def _with_minus_signs(value):
-    """Return a text with minus signs in place of hyphens before numbers."""
-    return MINUS.sub("\u2212", value) if type(value) is str else value
-
-
-def _as_it_is(text):
-    """Escape a text whose hyphens stay what they are, to be copied."""
-    from markupsafe import escape
-
-    return escape(text)

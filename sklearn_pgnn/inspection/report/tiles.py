@@ -1,4 +1,4 @@
-"""The four tiles of a report: what is left, how sure, the records, the parameters."""
+"""The top of a report: the four tiles, and the bar of what removes which part of the error."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from sklearn_pgnn.estimation.hypothesis import count_parameters
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, times
-from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, parameter_facts
+from sklearn_pgnn.inspection.report.parameters import ParameterFacts, parameter_facts
 from sklearn_pgnn.inspection.words import rivals
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
@@ -27,12 +27,67 @@ SURE = 0.95
 
 
 @dataclass(frozen=True)
-class Tile:
-    """A tile of a report.
+class Part:
+    """A part of the given model's error: before and after it, in units of the noise."""
 
-    Its state is ``"good"``, ``"look"`` or ``"bad"``: green, amber or red. The headline is the one
-    thing to see.
-    """
+    kind: str
+    name: str
+    before: float
+    after: float
+
+    @property
+    def size(self) -> float:
+        """The part of the error, in units of the noise; not below zero."""
+        return max(self.before - self.after, 0.0)
+
+
+def parts_of_error(diagnosis) -> list[Part]:
+    """Return the given model's error, part by part, from re-tuning down to the noise."""
+    errors = together(diagnosis)
+    parts = [Part("retuning", "re-tuning", errors.prior, errors.refitted)]
+    level = errors.refitted
+    for cause in diagnosis.causes_:
+        after = level * (1.0 - cause.gain / 100.0)
+        parts.append(Part("cause", cause_name(cause.effect, cause.target), level, after))
+        level = after
+    if diagnosis.discrepancy_ is not None:
+        parts.append(Part("formula", "the formula", errors.extended, errors.formula))
+    noise = min(errors.best, 1.0)
+    if errors.best > noise:
+        parts.append(Part("left", "left over", errors.best, noise))
+    parts.append(Part("noise", "noise", noise, 0.0))
+    return parts
+
+
+def segments_of_bar(diagnosis) -> list[dict]:
+    """Return the bar of the parts, in percent of the whole; empty where an error is not finite."""
+    parts = parts_of_error(diagnosis)
+    whole = sum(part.size for part in parts)
+    if not (math.isfinite(whole) and whole > 0):
+        return []
+    segments, start = [], 0.0
+    for part in parts:
+        width = 100.0 * part.size / whole
+        css = "left-over" if part.kind == "left" else part.kind
+        place = {"start": f"{start:.2f}", "width": f"{width:.2f}"}
+        segments.append({"size": part.size, "css": css, "text": _said(part), **place})
+        start += width
+    return segments
+
+
+def _said(part: Part) -> str:
+    if part.kind == "noise":
+        return f"noise: {times(part.before)}"
+    if part.kind == "left":
+        return f"left over: {times(part.before)}, of which {times(part.after)} is noise"
+    if not part.size:
+        return f"{part.name}: nothing"
+    return f"{part.name}: {times(part.before)} → {times(part.after)}"
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A tile of a report: its state is a key of `STATES`, its headline the one thing to see."""
 
     state: str
     about: str
@@ -72,7 +127,8 @@ def worst(tiles) -> str:
 def _left(diagnosis) -> Tile:
     """Return the tile of the output of which most is left."""
     windows = over_windows(diagnosis)
-    output = max(windows, key=lambda name: _or_inf(windows[name].best))
+    left = {name: errors.best for name, errors in windows.items()}
+    output = max(left, key=lambda name: left[name] if math.isfinite(left[name]) else math.inf)
     errors, run = windows[output], in_free_run(diagnosis)[output]
     tells = diagnosis.free_run_[output].tells
     much = not errors.best <= MUCH or (tells and not run.best <= MUCH)
@@ -86,10 +142,6 @@ def _left(diagnosis) -> Tile:
     return Tile(state, "What is left", f"{times(errors.best)} noise", text)
 
 
-def _or_inf(value: float) -> float:
-    return value if math.isfinite(value) else math.inf
-
-
 # -- how sure --------------------------------------------------------------------------------------
 
 
@@ -100,20 +152,15 @@ def _sure(diagnosis) -> Tile:
     if diagnosis.causes_:
         return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
     if diagnosis.verdict_ == "unexplained":
-        return _no_cause(diagnosis)
+        nearest = _runner_up(diagnosis)
+        said = f"{nearest}, not sufficient" if nearest else "no candidate was fitted"
+        if diagnosis.discrepancy_ is None:
+            return Tile("bad", about, "no cause", said)
+        return Tile("look", about, "a formula, no cause", f"it describes the records; {said}")
     if not diagnosis.complete_:
         return Tile("look", about, "not complete", "the search ended early")
-    text = "no candidate of the catalogue improves it"
-    nearest = _runner_up(diagnosis)
-    return Tile("good", about, "nothing named", f"{text}; {nearest}" if nearest else text)
-
-
-def _no_cause(diagnosis) -> Tile:
-    nearest = _runner_up(diagnosis)
-    said = f"{nearest}, not sufficient" if nearest else "no candidate was fitted"
-    if diagnosis.discrepancy_ is None:
-        return Tile("bad", "How sure", "no cause", said)
-    return Tile("look", "How sure", "a formula, no cause", f"it describes the records; {said}")
+    parts = ("no candidate of the catalogue improves it", _runner_up(diagnosis))
+    return Tile("good", about, "nothing named", "; ".join(filter(None, parts)))
 
 
 def _sure_of(diagnosis, cause) -> Tile:
@@ -121,7 +168,7 @@ def _sure_of(diagnosis, cause) -> Tile:
     if cause.is_open:
         text = f"for {name}, which these records cannot distinguish from {rivals(cause)}"
     else:
-        text = "; ".join(said for said in (f"for {name}", _runner_up(diagnosis)) if said)
+        text = "; ".join(filter(None, (f"for {name}", _runner_up(diagnosis))))
     state = "good" if sure and not cause.is_open and diagnosis.complete_ else "look"
     return Tile(state, "How sure", chance(cause.probability), text)
 
@@ -135,11 +182,10 @@ def _runner_up(diagnosis) -> str:
         if candidate.name not in named:
             effect, target = candidate.name
             more = count_parameters(known[effect](target)) > most
-            with_more = ", which has more parameters," if more else ""
+            which = ", which has more parameters, leaves" if more else ", leaves"
             alone = " alone" if len(named) != 1 else ""
-            name = cause_name(effect, target)
-            comma = "" if more else ","
-            return f"the runner-up, {name}{with_more}{comma} leaves {times(candidate.left)}{alone}"
+            left = f"{times(candidate.left)}{alone}"
+            return f"the runner-up, {cause_name(effect, target)}{which} {left}"
     return ""
 
 
@@ -163,15 +209,16 @@ def _parameters(diagnosis, facts: ParameterFacts) -> Tile:
         (facts.unidentified, "not determined by the records"),
         (facts.changed, "changed beyond the interval"),
     )
-    said = [f"{listed(names)} {what}" for names, what in found if names]
-    count = len(facts.at_limit) or len(facts.unidentified)
-    if not count and facts.changed:
+    said = "; ".join(f"{listed(names)} {what}" for names, what in found if names)
+    if facts.at_limit:
+        return Tile("look", "Parameters", f"{len(facts.at_limit)} at a limit", said)
+    if facts.unidentified:
+        count = len(facts.unidentified)
+        return Tile("look", "Parameters", f"{count} not identifiable", said)
+    if facts.changed:
         headline = f"{len(facts.changed)} changed"
-        return Tile("good", "Parameters", headline, f"{'; '.join(said)}; none at a limit")
-    if not count:
-        return _unchanged(diagnosis)
-    headline = f"{count} {found[0][1] if facts.at_limit else 'not identifiable'}"
-    return Tile("look", "Parameters", headline, "; ".join(said))
+        return Tile("good", "Parameters", headline, f"{said}; none at a limit")
+    return _unchanged(diagnosis)
 
 
 def _unchanged(diagnosis) -> Tile:
@@ -179,12 +226,9 @@ def _unchanged(diagnosis) -> Tile:
     text = "the interval of each holds the given value; none at a limit"
     found = ["cause" if len(diagnosis.causes_) == 1 else "causes"] if diagnosis.causes_ else []
     found += [] if diagnosis.discrepancy_ is None else ["formula"]
-    if found:
-        return Tile(
-            "good", "Parameters", "as given", f"with the {listed(found)} in the model, {text}"
-        )
-    if not retuning_counts(diagnosis):
-        return Tile("good", "Parameters", "as given", text)
+    if found or not retuning_counts(diagnosis):
+        beside = f"with the {listed(found)} in the model, " if found else ""
+        return Tile("good", "Parameters", "as given", f"{beside}{text}")
     errors = together(diagnosis)
     worth = f"{times(errors.prior)} → {times(errors.refitted)} noise"
     return Tile("good", "Parameters", "changed jointly", f"{worth}; yet {text}")

@@ -31,8 +31,8 @@ class HystereticSpring(PositionEffect):
 
     The stiffness :math:`dz/dx` is :math:`k - (\gamma + \delta)|z|` as the force grows, and
     :math:`k + (\gamma - \delta)|z|` as it falls. With :math:`\gamma + \delta > 0` the force levels
-    off; below zero the spring hardens. With :math:`\delta > 0` it is the law of a `Hysteresis`, which
-    a diagnosis names in its place.
+    off; below zero the spring hardens. With :math:`\delta > 0` it is the law of a `Hysteresis`,
+    which a diagnosis names in its place.
 
     Parameters
     ----------

@@ -40,6 +40,21 @@ def visit(browser, url):
     assert [text for text in said if "400 (Bad Request)" not in text] == []
 
 
+def model_file(folder):
+    path = folder / "model.yaml"
+    path.write_text(
+        "states: {v: m/s}\nequations: {v: (F - d*v)/m}\ninputs: {F: N}\n"
+        "parameters: {m: 2.0, d: 0.5}\n"
+    )
+    return path
+
+
+def record_file(folder, header="t,F,v"):
+    path = folder / "run.csv"
+    path.write_text(f"{header}\n" + "".join(f"{k / 10},1,{k % 7}\n" for k in range(100)))
+    return path
+
+
 def fits(page):
     return page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
@@ -103,9 +118,7 @@ def test_what_is_filled_in_while_the_server_answers_stays(visit, tmp_path):
     page.select_option("#system", "cart-on-spring")
     page.click("text=Use it")
     page.wait_for_selector("#record-files", state="attached")
-    path = tmp_path / "run.csv"
-    path.write_text("zeit,kraft [N],x_cm\n" + "".join(f"{k / 10},1,{k % 7}\n" for k in range(100)))
-    page.set_input_files("#record-files", path)
+    page.set_input_files("#record-files", record_file(tmp_path, "zeit,kraft [N],x_cm"))
     page.wait_for_selector("#column-1")
     waiting = []
     page.route("**/look", lambda route: waiting.append(route))
@@ -135,13 +148,7 @@ def test_a_file_that_cannot_be_used_is_an_alert(visit, tmp_path):
 @pytest.mark.slow
 def test_a_model_file_brings_its_records_along(visit, tmp_path):
     page = visit()
-    model, run = tmp_path / "model.yaml", tmp_path / "run.csv"
-    model.write_text(
-        "states: {v: m/s}\nequations: {v: (F - d*v)/m}\ninputs: {F: N}\n"
-        "parameters: {m: 2.0, d: 0.5}\n"
-    )
-    run.write_text("t,F,v\n" + "".join(f"{k / 10},1,{k % 7}\n" for k in range(100)))
-    page.set_input_files("#model-file", [run, model])
+    page.set_input_files("#model-file", [record_file(tmp_path), model_file(tmp_path)])
     page.wait_for_selector("text=run.csv")
     assert page.locator("#message").is_hidden()
 
@@ -243,9 +250,7 @@ def test_a_file_that_is_dropped_is_told_at_once_and_kept_until_a_model_comes(vis
     page, waiting = visit(), []
     page.wait_for_selector("body:not(.busy)")
     page.route("**/records?*", lambda route: waiting.append(route))
-    run = tmp_path / "run.csv"
-    run.write_text("t,F,v\n" + "".join(f"{k / 10},1,{k % 7}\n" for k in range(100)))
-    page.set_input_files("#model-file", run)
+    page.set_input_files("#model-file", record_file(tmp_path))
     page.wait_for_selector("text=Reading run.csv …")
     assert page.locator("#doing").is_visible()
     while not waiting:
@@ -253,11 +258,6 @@ def test_a_file_that_is_dropped_is_told_at_once_and_kept_until_a_model_comes(vis
     waiting[0].continue_()
     page.wait_for_selector("#records .name")
     page.wait_for_selector("#doing", state="hidden")
-    model = tmp_path / "model.yaml"
-    model.write_text(
-        "states: {v: m/s}\nequations: {v: (F - d*v)/m}\ninputs: {F: N}\n"
-        "parameters: {m: 2.0, d: 0.5}\n"
-    )
-    page.set_input_files("#record-files", model)
+    page.set_input_files("#record-files", model_file(tmp_path))
     page.wait_for_selector("#column-1")
     assert page.input_value("#column-3") == "v"

@@ -1,6 +1,8 @@
 """The page by plain HTTP: who may ask, what is taken, and the way from files to a report."""
 
 import os
+import stat
+import tempfile
 import time
 from pathlib import Path
 from urllib.parse import quote
@@ -16,7 +18,7 @@ from served import Client, served
 
 from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.cli.app import server
+from sklearn_pgnn.cli.app import serve, server
 
 MODEL = """\
 name: sledge
@@ -40,14 +42,33 @@ def port():
         yield address
 
 
+@pytest.fixture
+def client(port):
+    """A session with a model."""
+    client = Client(port)
+    client.bring("model", "sledge.yaml", MODEL)
+    return client
+
+
+def looked(client, mapping):
+    """Return the state after a look at the records."""
+    client.ask("/look", mapping=mapping)
+    return client.wait()
+
+
+def by_column(*columns):
+    """Return a mapping of time, force and speed to columns and units."""
+    told = zip(("t", "F", "speed"), columns, strict=True)
+    return {name: {"column": column, "unit": unit} for name, (column, unit) in told}
+
+
 @pytest.fixture(scope="module")
 def done():
     """A session in which the example was diagnosed."""
     with served() as address:
         client = Client(address)
         assert client.post("/example").status == 200
-        assert client.ask("/look", mapping=EXAMPLE).status == 200
-        assert client.wait()["message"] == ""
+        assert looked(client, EXAMPLE)["message"] == ""
         assert client.ask("/diagnosis", mapping=EXAMPLE, options={}).status == 200
         client.wait()
         yield client
@@ -77,9 +98,6 @@ def run(seed=0, header="t,F,speed", scales=(1, 1, 1)):
 @pytest.mark.parametrize("host", ["example.org", "127.0.0.1", "127.0.0.1:1", "", "localhost.evil"])
 def test_another_host_is_refused(port, host):
     assert Client(port).get("/", Host=host).status in (400, 421)
-
-
-def test_localhost_is_the_same_host(port):
     assert Client(port).get("/", Host=f"localhost:{port.port}").status == 200
 
 
@@ -187,9 +205,7 @@ def test_a_name_is_shown_and_never_a_path(port, done):
 
 
 @pytest.mark.slow
-def test_a_model_file_that_is_none_says_where_and_leaves_the_old_one(port):
-    client = Client(port)
-    client.bring("model", "sledge.yaml", MODEL)
+def test_a_model_file_that_is_none_says_where_and_leaves_the_old_one(client):
     broken = MODEL.replace("F - d*v", "F - q*v")
     answer = client.bring("model", "broken.yaml", broken)
     assert answer.status == 400
@@ -201,9 +217,7 @@ def test_a_model_file_that_is_none_says_where_and_leaves_the_old_one(port):
 
 
 @pytest.mark.slow
-def test_a_file_that_is_no_record_says_so_under_its_own_name(port):
-    client = Client(port)
-    client.bring("model", "sledge.yaml", MODEL)
+def test_a_file_that_is_no_record_says_so_under_its_own_name(client):
     answer = client.bring("records", "noise.csv", "\x00\x01")
     assert answer.status == 400
     assert answer.message.startswith("noise.csv:1: expected a CSV file")
@@ -265,41 +279,24 @@ def test_the_example_is_diagnosed_and_its_files_are_there(done, tmp_path):
 
 
 @pytest.mark.slow
-def test_columns_of_other_names_and_units_are_mapped(port):
-    client = Client(port)
-    client.bring("model", "sledge.yaml", MODEL)
+def test_columns_of_other_names_and_units_are_mapped(client):
     text = run(header="Zeit,Kraft,Tempo (km/h)", scales=(1e3, 1e-3, 3.6))
     assert "Kraft" in client.bring("records", "fahrt.csv", text).sections["columns"]
-    mapping = {
-        "t": {"column": "Zeit", "unit": "ms"},
-        "F": {"column": "Kraft", "unit": "kN"},
-        "speed": {"column": "Tempo (km/h)", "unit": "km/h"},
-    }
-    client.ask("/look", mapping=mapping)
-    state = client.wait()
+    mapping = by_column(("Zeit", "ms"), ("Kraft", "kN"), ("Tempo (km/h)", "km/h"))
+    state = looked(client, mapping)
     assert state["message"] == ""
     assert "15 s" in state["sections"]["seen"].replace("14.9 s", "15 s")
     assert "fahrt" in state["sections"]["seen"]
     mapping["F"]["unit"] = "V"
-    client.ask("/look", mapping=mapping)
-    assert "expected the unit 'N'" in client.wait()["message"]
+    assert "expected the unit 'N'" in looked(client, mapping)["message"]
     mapping["F"]["column"] = "Zeit"
-    client.ask("/look", mapping=mapping)
-    assert "'Zeit', which is already used for 't'" in client.wait()["message"]
+    assert "'Zeit', which is already used for 't'" in looked(client, mapping)["message"]
 
 
 @pytest.mark.slow
-def test_what_was_chosen_outlives_a_file_that_cannot_be_used(port):
-    client = Client(port)
-    client.bring("model", "sledge.yaml", MODEL)
+def test_what_was_chosen_outlives_a_file_that_cannot_be_used(client):
     client.bring("records", "fahrt.csv", run(header="Zeit,Kraft,Tempo", scales=(1, 1, 3.6)))
-    mapping = {
-        "t": {"column": "Zeit", "unit": "s"},
-        "F": {"column": "Kraft", "unit": "N"},
-        "speed": {"column": "Tempo", "unit": "km/h"},
-    }
-    client.ask("/look", mapping=mapping)
-    client.wait()
+    looked(client, by_column(("Zeit", "s"), ("Kraft", "N"), ("Tempo", "km/h")))
     assert "noise.csv:1:" in client.bring("records", "noise.csv", "\x00\x01").message
     other = client.bring("records", "other.csv", run(header="a,b,c"))
     assert other.message.startswith("other.csv: expected columns as in fahrt.csv, Zeit, Kraft")
@@ -310,19 +307,11 @@ def test_what_was_chosen_outlives_a_file_that_cannot_be_used(port):
 
 
 @pytest.mark.slow
-def test_files_without_a_time_have_a_sample_time(port):
-    client = Client(port)
-    client.bring("model", "sledge.yaml", MODEL)
+def test_files_without_a_time_have_a_sample_time(client):
     client.bring("records", "run.csv", run(header="n,F,speed"))
-    mapping = {
-        "t": {"column": "", "unit": "s"},
-        "F": {"column": "F", "unit": "N"},
-        "speed": {"column": "speed", "unit": "m/s"},
-    }
-    client.ask("/look", mapping=mapping)
-    assert "or state the sample time" in client.wait()["message"]
-    client.ask("/look", mapping={**mapping, "sample_time": "0.05"})
-    state = client.wait()
+    mapping = by_column(("", "s"), ("F", "N"), ("speed", "m/s"))
+    assert "or state the sample time" in looked(client, mapping)["message"]
+    state = looked(client, {**mapping, "sample_time": "0.05"})
     assert state["message"] == ""
     assert "300 samples" in state["sections"]["seen"]
 
@@ -340,8 +329,7 @@ def test_a_diagnosis_that_is_stopped_stops_and_another_may_begin(port):
     answer = client.send("DELETE", "/work")
     assert not answer.json["busy"]
     assert client.get("/sections").message == "Stopped."
-    assert client.ask("/look", mapping=EXAMPLE).status == 200
-    assert client.wait()["message"] == ""
+    assert looked(client, EXAMPLE)["message"] == ""
 
 
 @pytest.mark.slow
@@ -354,17 +342,12 @@ def test_records_that_come_first_are_kept_until_a_model_comes(port):
 
 
 @pytest.mark.slow
-def test_a_header_with_and_one_without_its_unit_are_one_column(port):
-    client = Client(port)
-    client.bring("model", "sledge.yaml", MODEL)
+def test_a_header_with_and_one_without_its_unit_are_one_column(client):
     client.bring("records", "a.csv", run(0, "t [s],F [N],speed [m/s]"))
     client.bring("records", "b.csv", run(1))
     answer = client.bring("records", "c.csv", run(2, "t [ms],F [kN],speed", (1e3, 1e-3, 1)))
     assert answer.status == 200
-    units = {"t": "s", "F": "N", "speed": "m/s"}
-    mapping = {name: {"column": f"{name} [{unit}]", "unit": unit} for name, unit in units.items()}
-    client.ask("/look", mapping=mapping)
-    state = client.wait()
+    state = looked(client, by_column(("t [s]", "s"), ("F [N]", "N"), ("speed [m/s]", "m/s")))
     assert state["message"] == ""
     seen = state["sections"]["seen"].replace("14.9 s", "15 s")
     assert seen.count("300 samples, 15 s") == 3
@@ -389,3 +372,41 @@ def children():
 
 def command_of(pid):
     return Path(f"/proc/{pid}/cmdline").read_bytes()
+
+
+# -- where it is -----------------------------------------------------------------------------------
+
+
+class Server:
+    def run(self, sockets):
+        for each in sockets:
+            each.close()
+
+
+def test_the_address_is_printed_and_opened_without_telling_it_to_others(
+    tmp_path, monkeypatch, capsys
+):
+    opened = []
+
+    def launch(path):
+        opened.append((path, Path(path).read_text(), Path(path).parent.stat().st_mode))
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(serve.click, "launch", launch)
+    monkeypatch.setattr(serve, "make_server", lambda *_: Server())
+    serve.serve(0, opens=True, quiet=True)
+    url = capsys.readouterr().out.strip()
+    assert url.startswith("http://127.0.0.1:")
+    secret = url.split("/")[3]
+    assert len(secret) >= 32
+    ((path, page, mode),) = opened
+    assert secret not in path
+    assert f"url={url}" in page
+    assert os.name == "nt" or not mode & (stat.S_IRWXG | stat.S_IRWXO)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_who_it_is_for_is_said(monkeypatch, capsys):
+    monkeypatch.setattr(serve, "make_server", lambda *_: Server())
+    serve.serve(0, opens=False, quiet=False)
+    assert "whoever has this address has the session" in capsys.readouterr().out

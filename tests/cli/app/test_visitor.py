@@ -7,8 +7,10 @@ import sys
 
 import pytest
 
+from sklearn_pgnn.cli.app import jobs
 from sklearn_pgnn.cli.app.visitor import Stages, Visitor
 from sklearn_pgnn.cli.app.work import MODULE, NO_MEMORY, Refused
+from sklearn_pgnn.exceptions import ModelError
 
 pytestmark = pytest.mark.core
 
@@ -63,3 +65,12 @@ def test_files_that_arrive_together_count_together(tmp_path, monkeypatch):
     asyncio.run(visitor.take_record(one, "a.csv", b"t,v\n0,1"))
     with pytest.raises(Refused, match="Expected at most 1e-05 MB in all files of records"):
         asyncio.run(visitor.take_record(other, "b.csv", b"t,v\n0,1"))
+
+
+def test_a_model_of_a_robot_in_another_file_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    jobs.NEW.write_text("robot: {file: ../arm.urdf}\n")
+    said = r"mine.yaml: expected a model that is whole, got one of a robot in '../arm.urdf'. Remedy"
+    with pytest.raises(ModelError, match=said):
+        jobs.take_model(lambda *_: None, "mine.yaml")
+    assert not jobs.MODEL.exists()

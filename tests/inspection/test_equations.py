@@ -7,9 +7,7 @@ import pytest
 import sympy
 
 from sklearn_pgnn import PhysicsModel, effects
-from sklearn_pgnn.inspection.cases import cases_of
-from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.mathml import added_terms, mathml_of
+from sklearn_pgnn.inspection.equations import added_terms, cases_of, equations_of, mathml_of
 from sklearn_pgnn.physics import systems
 from sklearn_pgnn.physics.expressions import symbol
 

@@ -4,7 +4,7 @@ import pytest
 from situations import situation
 
 from sklearn_pgnn import PhysicsModel
-from sklearn_pgnn.inspection.model_files import EXTENDED, described_models, model_files
+from sklearn_pgnn.inspection.result_files import EXTENDED, described_models, model_files
 
 pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:UserWarning")]
 
