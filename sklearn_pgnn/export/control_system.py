@@ -6,14 +6,18 @@ from typing import Any
 import numpy as np
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
-from sklearn_pgnn.export.explicit_steps import explicit_substeps
-from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs, past_names
+from sklearn_pgnn.export.sample_steps import (
+    acting_inputs,
+    explicit_substeps,
+    late_inputs,
+    past_names,
+)
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import numpy_function
 from sklearn_pgnn.simulation.simulate import hold_of, simulate
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
+from sklearn_pgnn.trajectories.clock import check_sample_interval
 
 
 def to_control(

@@ -4,7 +4,7 @@ import sympy
 from sympy.printing.str import StrPrinter
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
-from sklearn_pgnn.export.c_names import c_name, c_names
+from sklearn_pgnn.export.c_expression import c_name, c_names
 from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import require_equations

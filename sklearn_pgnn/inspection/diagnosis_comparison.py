@@ -15,7 +15,7 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number, readable, times
 from sklearn_pgnn.inspection.yardstick import models_called
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 #: the file of a diagnosis, in the folder that the command line writes
 FILE = "diagnosis.json"

@@ -5,7 +5,7 @@ import math
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import readable
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 
 def known_sentence(diagnosis, part) -> str:

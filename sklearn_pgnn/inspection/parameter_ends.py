@@ -2,7 +2,7 @@
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_bounds, at_spread_ends
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 
 def spread_sentence(diagnosis) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 
 from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
 from sklearn_pgnn.inspection.numbers import number
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 #: what to do about a model that runs away
 REMEDY = (

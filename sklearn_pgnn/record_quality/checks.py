@@ -6,10 +6,7 @@ from functools import partial
 import numpy as np
 
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
-from sklearn_pgnn.record_quality.dead_sensor import find_dead_sensor
-from sklearn_pgnn.record_quality.drift import find_drift, find_uneven_noise
 from sklearn_pgnn.record_quality.excitation import (
     find_blind_parameters,
     find_dull_input,
@@ -17,17 +14,22 @@ from sklearn_pgnn.record_quality.excitation import (
 )
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.noise_feedback import find_closed_loop
-from sklearn_pgnn.record_quality.quantisation import find_quantisation
+from sklearn_pgnn.record_quality.refits import find_drift, find_early_output, find_uneven_noise
+from sklearn_pgnn.record_quality.sensors import (
+    find_clipping,
+    find_dead_sensor,
+    find_held_samples,
+    find_outliers,
+    find_quantisation,
+)
 from sklearn_pgnn.record_quality.signals import Signal
-from sklearn_pgnn.record_quality.single_samples import find_held_samples, find_outliers
 from sklearn_pgnn.record_quality.state_feedback import find_state_feedback
-from sklearn_pgnn.record_quality.synchrony import find_early_output
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
-from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.repeated_records import (
+from sklearn_pgnn.trajectories.record import (
     REMEDY,
+    Record,
     remarks_on_repeats,
     repeated_records,
 )

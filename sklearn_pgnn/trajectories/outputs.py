@@ -9,9 +9,7 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.names import column_of, once
-from sklearn_pgnn.trajectories.real_numbers import read_numbers
-from sklearn_pgnn.trajectories.tables import as_pandas
+from sklearn_pgnn.trajectories.tables import as_pandas, column_of, once, read_numbers
 
 
 def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn.experiment_design.wave import waves
+from sklearn_pgnn.experiment_design.separation import waves
 
 DURATION = 12.0
 WAVES = waves(1.5, DURATION, 0.02)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sklearn_pgnn.trajectories.alike import names_alike, units_alike
+from sklearn_pgnn.trajectories.titles import names_alike, units_alike
 
 
 @pytest.mark.parametrize(

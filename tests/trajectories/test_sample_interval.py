@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
+from sklearn_pgnn.trajectories.clock import check_sample_interval
 
 pytestmark = pytest.mark.core
 

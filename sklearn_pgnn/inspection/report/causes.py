@@ -9,7 +9,7 @@ from sklearn_pgnn.inspection.report.next_step import expectation
 from sklearn_pgnn.inspection.report.who_did_what import parts_of_error
 from sklearn_pgnn.inspection.words import separation_sentence
 from sklearn_pgnn.physics.effects.rates import worded_for
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:

@@ -8,7 +8,7 @@ from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.words import UNNAMED, place_name
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 
 def title(diagnosis) -> str:

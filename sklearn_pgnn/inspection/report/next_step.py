@@ -9,8 +9,8 @@ from sklearn_pgnn.inspection.runaway import runaway_remedy
 from sklearn_pgnn.inspection.words import place_name, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given
 from sklearn_pgnn.physics.effects.rates import worded_for
-from sklearn_pgnn.record_quality.drift import differing
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
+from sklearn_pgnn.record_quality.refits import differing
 
 
 def next_step(diagnosis) -> str:
