@@ -155,7 +155,10 @@ def make_hidden_effect(
     rig = Rig(t, waves, resting_input(model), substeps)
     trial = replace(rig, substeps=max(1, substeps // 2))
     goals = rng.uniform(0.5, 1.0, n_records)
-    amplitudes = _amplitudes(trial, model, goals, amplitude)
+    if amplitude is None:
+        amplitudes = find_amplitudes(trial, model, goals)
+    else:
+        amplitudes = np.full(goals.size, float(amplitude))
     floor, truth = noise_levels(model, noise), model
     effects = tuple(_choose(e, model, trial, amplitudes, floor, rng) for e in _listed(effect))
     for hidden in effects:
@@ -199,13 +202,6 @@ def perturb(model, error: float, rng):
         value = parameter.value * (1 + rng.uniform(-error, error))
         values[name] = float(np.clip(value, *parameter.bounds))
     return model.with_parameters(**values)
-
-
-def _amplitudes(rig, model, goals, amplitude):
-    """Return the amplitude of every record: the given one, or one that reaches its goal."""
-    if amplitude is None:
-        return find_amplitudes(rig, model, goals)
-    return np.full(goals.size, float(amplitude))
 
 
 def _listed(effect) -> tuple:

@@ -20,6 +20,8 @@ from sklearn_pgnn.physics.systems import golf_robot, servo_valve
 EXCITATION = ("sine", "steps", "chirp")
 #: sampling rate for the search for amplitudes [Hz]
 TRIAL_RATE = 200.0
+#: integration steps per second for the bristles, whose rate reaches 5000 per second
+BRISTLE_RATE = 4000.0
 
 
 def golf_robot_plant() -> PhysicsModel:
@@ -133,18 +135,14 @@ def make_golf_robot(
         rng = np.random.RandomState(rng.randint(2**31))
         n_records, excitation = 1, "multisine"
     t = np.arange(round(duration * sample_rate)) / sample_rate
-    rig = Rig(t, excite(excitation, t, n_records, 1, rng), np.zeros(1), _substeps(sample_rate))
+    substeps = int(np.ceil(BRISTLE_RATE / sample_rate))
+    rig = Rig(t, excite(excitation, t, n_records, 1, rng), np.zeros(1), substeps)
     stride = max(1, round(sample_rate / TRIAL_RATE))
     trial = Rig(t[::stride], rig.waves[:, ::stride], rig.offset)
     amplitudes = find_amplitudes(trial, prior, rng.uniform(0.6, 1.0, n_records))
     amplitudes, x, y = run_bounded(rig, plant, plant, amplitudes)
     measured = add_noise(prior, y, noise, rng)
     return make_tables(prior, t, rig.inputs(amplitudes), x[:, 0, :2], measured)
-
-
-def _substeps(sample_rate):
-    """Return the substeps for the bristles, whose rate reaches 5000 per second: at least 4 kHz."""
-    return int(np.ceil(4000.0 / sample_rate))
 
 
 # -- a servo valve with a limited slider -----------------------------------------------------------

@@ -3,6 +3,7 @@
 import ast
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
 from sklearn_pgnn.exceptions import ModelError
 
@@ -119,10 +120,8 @@ class CPrinter:
             return self._refused(node, names)
         helper = {"min": "smaller", "max": "larger"}[name]
         self.extremes.add(helper)
-        first, *others = (self.write(argument, names) for argument in node.args)
-        for other in others:
-            first = f"{self.prefix}{helper}({first}, {other})"
-        return first, _ATOM
+        written = (self.write(argument, names) for argument in node.args)
+        return reduce(lambda a, b: f"{self.prefix}{helper}({a}, {b})", written), _ATOM
 
     def _called(self, name: str, arguments: Iterable, names) -> str:
         if name not in FUNCTIONS:
@@ -179,15 +178,11 @@ def c_names(texts: Iterable[str], taken: Collection[str] = RESERVED) -> dict[str
     found: dict[str, str] = {}
     for text in texts:
         name = c_name(text)
-        while name in taken or name in found.values() or _is_shared(name):
+        # c and digits are shared expressions in the code
+        while name in taken or name in found.values() or (name[0] == "c" and name[1:].isdigit()):
             name += "_"
         found[text] = name
     return found
-
-
-def _is_shared(name: str) -> bool:
-    """Return whether a name may be that of a shared expression in the code."""
-    return name[0] == "c" and name[1:].isdigit()
 
 
 def _letter(c: str) -> str:

@@ -80,7 +80,13 @@ def to_control(
         _refuse_what_is_not_smooth(model)
         states, update, output = list(model.states), _rates(model), _outputs(model, [])
     else:
-        _check_interval(model, interval)
+        check_sample_interval(interval)
+        if model.inputs and hold_of(model) == "foh":
+            raise ModelError(
+                "to_control: linearly interpolated inputs (hold 'foh') cannot be expressed in "
+                "discrete time: the next sample is not known. Remedy: "
+                "model.replace(simulation={'hold': 'zoh'}), or no interval."
+            )
         late = late_inputs(model, interval)
         states = [*model.states, *past_names(late)]
         options = {"method": method, "substeps": explicit_substeps(model, substeps, interval)}
@@ -111,16 +117,6 @@ def _refuse_what_is_not_smooth(model) -> None:
         raise ModelError(
             f"to_control: {next(iter(model.delays))!r} is delayed, which a system in continuous "
             f"time cannot express. {remedy}"
-        )
-
-
-def _check_interval(model, interval) -> None:
-    check_sample_interval(interval)
-    if model.inputs and hold_of(model) == "foh":
-        raise ModelError(
-            "to_control: linearly interpolated inputs (hold 'foh') cannot be expressed in discrete "
-            "time: the next sample is not known. Remedy: "
-            "model.replace(simulation={'hold': 'zoh'}), or no interval."
         )
 
 

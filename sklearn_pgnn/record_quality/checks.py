@@ -53,11 +53,16 @@ def check_data_quality(
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
+    clocks = [record.t for record in whole]
     checks: list[Callable[[], Sequence[Finding | None]]] = [
         lambda: [find_few_windows(windows), *find_repeats(whole)],
         lambda: [*map(find_dull_input, inputs), find_first_steps(inputs)],
         lambda: find_blind_parameters(problem, base),
-        lambda: _of_clocks(whole, outputs, windows.t.size),
+        lambda: [
+            find_gaps(clocks, [record.name for record in whole]),
+            find_jitter(outputs),
+            find_unused_samples(clocks, windows.t.size),
+        ],
         *(partial(_of_signal, *pair) for pair in zip(outputs, left, strict=True)),
         lambda: [find_closed_loop(outputs, inputs, left)],
         lambda: find_state_feedback(problem, final, each_step),
@@ -73,12 +78,6 @@ def find_repeats(whole: Sequence[Record]) -> list[Finding]:
     """Return a finding for every record that has the values of another one."""
     pairs = zip(repeated_records(whole), remarks_on_repeats(whole), strict=True)
     return [Finding("repeated record", b, said, 1.0, REMEDY) for (_, b), said in pairs]
-
-
-def _of_clocks(whole, outputs, used: int) -> list[Finding | None]:
-    """Check the clocks of the records."""
-    clocks, names = [record.t for record in whole], [record.name for record in whole]
-    return [find_gaps(clocks, names), find_jitter(outputs), find_unused_samples(clocks, used)]
 
 
 def _of_signal(signal: Signal, rest: Signal) -> list[Finding | None]:

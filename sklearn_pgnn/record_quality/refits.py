@@ -15,7 +15,7 @@ from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.limits import ALPHA, FINE, SHARE, STEPS, TWICE
 from sklearn_pgnn.record_quality.signals import Signal, looks_like_noise
 from sklearn_pgnn.simulation.uncertainty import standard_errors
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, relative_error
 
@@ -82,22 +82,19 @@ def find_drift(
 
 
 def _fit_alone(problem, base, expected, spread, group, each_step) -> WindowFit:
+    known = base.model.parameters
+    bounds = [known[freedom.name].bounds for freedom in base.freedoms]  # beyond the spread
+    wide = zip(base.freedoms, bounds, strict=True)
     return fit_windows(
         base.model,
         problem.windows.select(group),
-        tuple(_wide(base.model, freedom) for freedom in base.freedoms),
+        tuple(replace(freedom, low=low, high=high) for freedom, (low, high) in wide),
         expected[group],
         spread,
         x0_start=base.x0[group],
         max_steps=STEPS,
         each_step=each_step,
     )
-
-
-def _wide(model, freedom: ParameterPrior) -> ParameterPrior:
-    """Return the prior of a parameter that may go to its bounds: a drift may exceed its spread."""
-    low, high = model.parameters[freedom.name].bounds
-    return replace(freedom, low=low, high=high)
 
 
 def _put_together(base, alone, groups) -> WindowFit:
@@ -155,7 +152,8 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
         return None
     rounding = signal.resolution / np.sqrt(12)
     levels = np.array([max(noise_level(*piece), rounding) for piece in timed])
-    errors = np.array([_noise_error(*piece) for piece in timed])
+    finest = (finest_differences(*piece) for piece in timed)
+    errors = np.array([relative_error(values.size, order) for values, order in finest])
     low, high = int(np.argmin(levels)), int(np.argmax(levels))
     error = np.hypot(errors[low], errors[high])
     pairs = len(levels) * (len(levels) - 1)
@@ -170,12 +168,6 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
         float(levels[high] / levels[low]),
         "find out what changed between the records, or diagnose them separately",
     )
-
-
-def _noise_error(piece, times) -> float:
-    """Return the relative standard error of the noise of a record."""
-    differences, order = finest_differences(piece, times)
-    return relative_error(differences.size, order)
 
 
 # -- outputs that respond before their inputs ------------------------------------------------------

@@ -114,7 +114,8 @@ class CellTable(FileTable):
     def cells(self, k: int) -> list[Any]:
         """Return the cells of a column."""
         if k not in self.columns:
-            self.columns[k] = [_stripped(row[k]) if k < len(row) else "" for row in self.rows]
+            cells = (row[k] if k < len(row) else "" for row in self.rows)
+            self.columns[k] = [cell.strip() if isinstance(cell, str) else cell for cell in cells]
         return self.columns[k]
 
 
@@ -158,10 +159,6 @@ def _width(row: Sequence[Any]) -> int:
 
 def _is_empty(row: Sequence[Any]) -> bool:
     return not _width(row)
-
-
-def _stripped(cell: Any) -> Any:
-    return cell.strip() if isinstance(cell, str) else cell
 
 
 def _text(cell: Any) -> str:

@@ -111,11 +111,6 @@ def validate_table(estimator, X, *, reset: bool):
         validate_data(estimator, X, reset=reset, skip_check_array=True)
     else:
         X = validate_data(estimator, X, reset=reset, ensure_all_finite="allow-nan")
-    return _with_fitted_names(estimator, X)
-
-
-def _with_fitted_names(estimator, X):
-    """Give unnamed columns the names that `fit` saw."""
     names = getattr(estimator, "feature_names_in_", None)
     if names is None or is_named(X):
         return X
