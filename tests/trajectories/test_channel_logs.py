@@ -158,8 +158,8 @@ def write_bag(writer, store, serialize):
                 velocity=np.zeros(2),
                 effort=np.zeros(0),
             )
-            writer.write_bag(torque, int(now), serialize(Float(data=float(k)), Float.__msgtype__))
-            writer.write_bag(joints, int(now), serialize(message, Joints.__msgtype__))
+            writer.write(torque, int(now), serialize(Float(data=float(k)), Float.__msgtype__))
+            writer.write(joints, int(now), serialize(message, Joints.__msgtype__))
 
 
 @pytest.fixture(params=["ros1", "sqlite", "mcap"])
