@@ -10,7 +10,7 @@ from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.preprocessing import PhysicsModelTransformer
-from sklearn_pgnn.trajectories.names import SIMULATED
+from sklearn_pgnn.trajectories.tables import SIMULATED
 from sklearn_pgnn.trajectories.validation import check_model
 
 

@@ -29,7 +29,7 @@ MODULES = [
     for module in pkgutil.walk_packages(sklearn_pgnn.__path__, "sklearn_pgnn.")
     if not module.name.endswith("__main__")
 ]
-#: pages with snippets; what public_benchmarks.rst shows downloads, see test_public_benchmarks
+#: pages with snippets; what public_benchmarks.rst shows downloads, see test_datasets
 SNIPPETS = {
     path.name: snippets
     for path in PAGES

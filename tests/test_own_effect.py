@@ -178,7 +178,7 @@ NAMED = {
     "diagnosis/unexplained.py": {"Formula"},  # what no cause explains
     "diagnosis/description.py": {"Formula", "WrongParameter"},  # which of its terms have a name
     "diagnosis/investigation.py": {"SensorSaturation"},  # a record shows clipping by itself
-    "datasets/two_tanks.py": {"InputDeadZone"},  # what a rig hides
+    "datasets/hidden_effect.py": {"InputDeadZone"},  # what a rig hides
     "cli/demo.py": {"StribeckFriction"},
     "cli/app/jobs.py": {"CoulombFriction"},  # what the example hides
 }

@@ -126,7 +126,7 @@ TRUSTED = {
         "sklearn_pgnn.record_quality.finding.Finding",
         "sklearn_pgnn.experiment_design.separation.Experiment",
         "sklearn_pgnn.experiment_design.separation.Separation",
-        "sklearn_pgnn.experiment_design.wave.Wave",
+        "sklearn_pgnn.experiment_design.separation.Wave",
         "sklearn_pgnn.estimation.candidate.Candidate",
         "sklearn_pgnn.estimation.problem.EstimationProblem",
         "sklearn_pgnn.diagnosis.unexplained.MissingPart",

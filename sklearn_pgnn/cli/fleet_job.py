@@ -24,7 +24,7 @@ from sklearn_pgnn.fleet.machine import SAID
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance
 from sklearn_pgnn.inspection.result_files import as_strict_json
-from sklearn_pgnn.trajectories.ros_bag import METADATA
+from sklearn_pgnn.trajectories.channel_logs import METADATA
 
 MACHINE = "{machine}"
 #: machines and changes shown on the screen; the report has all

@@ -1,8 +1,17 @@
 """Records: simulated rigs, machines with a hidden effect, and measured public benchmarks."""
 
-from sklearn_pgnn.datasets.cart import make_cart
-from sklearn_pgnn.datasets.golf_robot import golf_robot_plant, make_golf_robot
-from sklearn_pgnn.datasets.hidden_effect import HiddenEffect, make_hidden_effect
+from sklearn_pgnn.datasets.hidden_effect import (
+    HiddenEffect,
+    make_cart,
+    make_hidden_effect,
+    make_two_tanks,
+)
+from sklearn_pgnn.datasets.plants import (
+    golf_robot_plant,
+    make_golf_robot,
+    make_servo_valve,
+    servo_valve_plant,
+)
 from sklearn_pgnn.datasets.public import (
     PublicBenchmark,
     load_cascaded_tanks,
@@ -10,8 +19,6 @@ from sklearn_pgnn.datasets.public import (
     load_emps,
     load_silverbox,
 )
-from sklearn_pgnn.datasets.servo_valve import make_servo_valve, servo_valve_plant
-from sklearn_pgnn.datasets.two_tanks import make_two_tanks
 
 __all__ = [
     "HiddenEffect",

@@ -10,13 +10,20 @@ from sklearn.utils import check_random_state
 
 from sklearn_pgnn.annotations import RandomState
 from sklearn_pgnn.datasets.excitation import excite
-from sklearn_pgnn.datasets.records import add_noise, make_tables, noise_levels
-from sklearn_pgnn.datasets.rig import Rig, find_amplitudes, resting_input, run_bounded
+from sklearn_pgnn.datasets.rig import (
+    Rig,
+    add_noise,
+    find_amplitudes,
+    make_tables,
+    noise_levels,
+    resting_input,
+    run_bounded,
+)
 from sklearn_pgnn.datasets.sizes import draw_size, family, measure_scales
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.effects import CATALOGUE, InputDeadZone
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.systems import golf_robot
+from sklearn_pgnn.physics.systems import cart_on_spring, golf_robot, two_tanks
 
 #: default noise of an output for sizing effects, as a fraction of its standard deviation
 QUIET = 1e-3
@@ -148,7 +155,10 @@ def make_hidden_effect(
     rig = Rig(t, waves, resting_input(model), substeps)
     trial = replace(rig, substeps=max(1, substeps // 2))
     goals = rng.uniform(0.5, 1.0, n_records)
-    amplitudes = _amplitudes(trial, model, goals, amplitude)
+    if amplitude is None:
+        amplitudes = find_amplitudes(trial, model, goals)
+    else:
+        amplitudes = np.full(goals.size, float(amplitude))
     floor, truth = noise_levels(model, noise), model
     effects = tuple(_choose(e, model, trial, amplitudes, floor, rng) for e in _listed(effect))
     for hidden in effects:
@@ -192,13 +202,6 @@ def perturb(model, error: float, rng):
         value = parameter.value * (1 + rng.uniform(-error, error))
         values[name] = float(np.clip(value, *parameter.bounds))
     return model.with_parameters(**values)
-
-
-def _amplitudes(rig, model, goals, amplitude):
-    """Return the amplitude of every record: the given one, or one that reaches its goal."""
-    if amplitude is None:
-        return find_amplitudes(rig, model, goals)
-    return np.full(goals.size, float(amplitude))
 
 
 def _listed(effect) -> tuple:
@@ -248,3 +251,124 @@ def _check(n_records, duration, sample_rate, parameter_error):
             raise ValueError(f"{name}: expected a number > 0, got {value!r}.")
     if not 0 <= parameter_error < 1:
         raise ValueError(f"parameter_error: expected a number in [0, 1), got {parameter_error!r}.")
+
+
+# -- a cart on a spring ----------------------------------------------------------------------------
+
+
+def make_cart(
+    n_records: int = 6,
+    *,
+    effect: Any = "cubic_stiffness",
+    duration: float = 10.0,
+    sample_rate: float = 200.0,
+    noise: float = 1e-3,
+    parameter_error: float = 0.05,
+    random_state: RandomState = 0,
+) -> HiddenEffect:
+    r"""Make records of a cart on a spring, :math:`m \ddot x = F - k x - d \dot x - \text{effect}`.
+
+    Parameters
+    ----------
+    n_records : int, default=6
+        Number of records.
+    effect : Effect, str, a sequence of both, or None, default="cubic_stiffness"
+        Hidden effect, as in `make_hidden_effect`; by default the spring hardens.
+    duration : float, default=10
+        Length of a record [s].
+    sample_rate : float, default=200
+        Sampling rate [Hz].
+    noise : float, default=1e-3
+        Standard deviation of the position's measurement noise [m].
+    parameter_error : float, default=0.05
+        Largest relative error of the prior's parameters.
+    random_state : int, RandomState instance or None, default=0
+        Seed or generator for all random draws.
+
+    Returns
+    -------
+    HiddenEffect
+        The records, the prior, the truth and the effects.
+
+    Examples
+    --------
+    >>> make_cart(n_records=1, duration=2).effect.id
+    'cubic_stiffness'
+    """
+    return make_hidden_effect(
+        cart_on_spring(),
+        effect,
+        n_records=n_records,
+        duration=duration,
+        sample_rate=sample_rate,
+        noise=noise,
+        parameter_error=parameter_error,
+        random_state=check_random_state(random_state),
+    )
+
+
+# -- two tanks in cascade --------------------------------------------------------------------------
+
+#: amplitude of the pump about 3 V [V]: the input crosses the dead zone, and no tank runs empty
+AMPLITUDE = 2.7
+
+
+def make_two_tanks(
+    n_records: int = 4,
+    *,
+    effect: Any = "dead zone",
+    duration: float = 600.0,
+    sample_rate: float = 1.0,
+    noise: float = 0.01,
+    parameter_error: float = 0.05,
+    random_state: RandomState = 0,
+) -> HiddenEffect:
+    r"""Make records of two tanks, only the lower level measured, the pump between 0.3 and 5.7 V.
+
+    .. math::
+        \dot x_1 = -k_1 \sqrt{x_1} + k_4\,\mathrm{zone}(u),
+        \qquad \dot x_2 = k_2 \sqrt{x_1} - k_3 \sqrt{x_2}
+
+    Parameters
+    ----------
+    n_records : int, default=4
+        Number of records.
+    effect : Effect, str, a sequence of both, or None, default="dead zone"
+        Hidden effect: by default a pump that does nothing below 0.8 V; otherwise as in
+        `make_hidden_effect`.
+    duration : float, default=600
+        Length of a record [s].
+    sample_rate : float, default=1
+        Sampling rate [Hz].
+    noise : float, default=0.01
+        Standard deviation of the level's measurement noise [cm].
+    parameter_error : float, default=0.05
+        Largest relative error of the prior's parameters.
+    random_state : int, RandomState instance or None, default=0
+        Seed or generator for all random draws.
+
+    Returns
+    -------
+    HiddenEffect
+        The records, the prior, the truth and the effects.
+
+    Examples
+    --------
+    >>> tanks = make_two_tanks(n_records=1, duration=200)
+    >>> print(tanks.effect)
+    InputDeadZone(target='pump', threshold=0.8)
+    """
+    if isinstance(effect, str) and effect == "dead zone":
+        effect = InputDeadZone("pump", threshold=0.8)
+    return make_hidden_effect(
+        two_tanks(),
+        effect,
+        n_records=n_records,
+        duration=duration,
+        sample_rate=sample_rate,
+        noise=noise,
+        parameter_error=parameter_error,
+        excitation=("multisine", "chirp"),
+        amplitude=AMPLITUDE,
+        random_state=check_random_state(random_state),
+    )

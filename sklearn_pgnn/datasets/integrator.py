@@ -19,6 +19,7 @@ limit) falls within a step; what others drag along breaks away at the beginning 
 """
 
 from dataclasses import dataclass
+from functools import reduce
 from itertools import chain
 
 import numpy as np
@@ -307,16 +308,10 @@ class _Printer(NumPyPrinter):
     """NumPy code whose maximum and minimum broadcast."""
 
     def _print_Max(self, expr):
-        return self._chain("maximum", expr.args)
+        name = self._module_format(f"numpy.{type(expr).__name__.lower()}imum")
+        return reduce(lambda one, other: f"{name}({one}, {other})", map(self._print, expr.args))
 
-    def _print_Min(self, expr):
-        return self._chain("minimum", expr.args)
-
-    def _chain(self, name, arguments):
-        first, *rest = map(self._print, arguments)
-        for argument in rest:
-            first = f"{self._module_format('numpy.' + name)}({first}, {argument})"
-        return first
+    _print_Min = _print_Max
 
 
 def _compile(arguments, expressions):

@@ -280,16 +280,11 @@ def _benchmark(train, test, initial_window, prior) -> PublicBenchmark:
 def _files(benchmark: str, names, data_home) -> list[Path]:
     """Find the files in a folder, or let the package download them."""
     if data_home is None:
-        found = _downloaded(benchmark)
+        with needed_by(f"{benchmark} without a folder of its files (data_home)"):
+            import nonlinear_benchmarks
+        found = getattr(nonlinear_benchmarks, benchmark)(data_file_locations=True)
         return [Path(file) for file in ([found] if isinstance(found, str) else found)]
     return [_below(Path(data_home), name) for name in names]
-
-
-def _downloaded(benchmark: str):
-    """Return the paths of the files in the package's cache, downloading them where needed."""
-    with needed_by(f"{benchmark} without a folder of its files (data_home)"):
-        import nonlinear_benchmarks
-    return getattr(nonlinear_benchmarks, benchmark)(data_file_locations=True)
 
 
 def _below(folder: Path, name: str) -> Path:

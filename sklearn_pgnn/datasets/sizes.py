@@ -150,7 +150,10 @@ def family(kind, target: str, model, scales: Scales, rng):
     """
     sign = rng.choice([-1.0, 1.0])
     if kind.id == "wrong_parameter":
-        return _wrong_parameter(kind, model.parameters[target], sign)
+        own = model.parameters[target]  # changed by at least a fifth
+        return lambda size: kind(
+            target, value=float(np.clip(own.value * (1 + sign * (0.2 + 0.5 * size)), *own.bounds))
+        )
     scale = kind.typical(target, model, scales) | {
         "rate": scales.rate.get(target, 1.0),
         "duration": scales.duration,
@@ -209,16 +212,6 @@ def _signal(model, expression, x):
 def _rms(signals):
     """Return the root mean square of every quantity over records and samples."""
     return np.sqrt(np.mean(np.square(signals), axis=(0, 1)))
-
-
-def _wrong_parameter(kind, parameter, sign):
-    """Change a value by at least a fifth."""
-
-    def of_size(size):
-        value = parameter.value * (1 + sign * (0.2 + 0.5 * size))
-        return kind(parameter.name, value=float(np.clip(value, *parameter.bounds)))
-
-    return of_size
 
 
 def _windows(t, u, x, window, rng):

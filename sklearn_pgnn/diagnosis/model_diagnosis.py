@@ -53,14 +53,13 @@ from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimators.progress import with_progress
 from sklearn_pgnn.exceptions import DiagnosisWarning, RecordWarning
-from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all
+from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all, with_verdict
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
 from sklearn_pgnn.experiment_design.separation import (
     Separation,
     are_same,
     separate,
 )
-from sklearn_pgnn.experiment_design.simulate_records import with_verdict
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -75,9 +74,13 @@ from sklearn_pgnn.threads import local_threads, one_thread_each, other_processes
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.scoring import GapScoreMixin
-from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    GapScoreMixin,
+    check_model,
+    require_target,
+    tags_of_records,
+    validate_table,
+)
 from sklearn_pgnn.user_line import warn_user
 
 

@@ -32,11 +32,11 @@ from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.network_run import network_record
 from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
-from sklearn_pgnn.trajectories.scoring import GapScoreMixin
-from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import (
+    GapScoreMixin,
     refuse_fit_params,
     require_target,
+    tags_of_records,
 )
 from sklearn_pgnn.user_line import warn_user
 

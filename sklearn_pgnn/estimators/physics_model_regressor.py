@@ -49,7 +49,6 @@ from sklearn_pgnn.simulation.uncertainty import (
 )
 from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
     told_in_all,
     warn_of_contradicted_states,
@@ -57,15 +56,14 @@ from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised, warn_of_standardised_outputs
-from sklearn_pgnn.trajectories.measured import of_measured
-from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.repeated_records import warn_of_repeats
-from sklearn_pgnn.trajectories.scoring import GapScoreMixin
-from sklearn_pgnn.trajectories.tags import tags_of_records
+from sklearn_pgnn.trajectories.measured import of_measured, warn_of_constant_outputs
+from sklearn_pgnn.trajectories.record import Record, warn_of_repeats
 from sklearn_pgnn.trajectories.validation import (
+    GapScoreMixin,
     check_model,
     refuse_fit_params,
     require_target,
+    tags_of_records,
     validate_table,
 )
 from sklearn_pgnn.user_line import warn_user

@@ -38,16 +38,16 @@ from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.substeps import Steps
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.scoring import GapScoreMixin
+from sklearn_pgnn.trajectories.measured import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.tables import as_pandas
-from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import (
+    GapScoreMixin,
     check_model,
     refuse_fit_params,
     require_target,
+    tags_of_records,
     validate_table,
 )
 from sklearn_pgnn.user_line import warn_user

@@ -10,9 +10,8 @@ from sklearn_pgnn.estimators.made_up_names import apart_from
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import RESERVED
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
-from sklearn_pgnn.trajectories.tables import as_table
+from sklearn_pgnn.trajectories.tables import as_table, is_named, time_name
 
 
 def is_timed(X, model, time_column) -> bool:

@@ -1,8 +1,9 @@
-"""Expressions in C99: every operation in its order, in one precision."""
+"""Expressions in C99, every operation in its order and one precision, and names in it."""
 
 import ast
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
 from sklearn_pgnn.exceptions import ModelError
 
@@ -119,10 +120,8 @@ class CPrinter:
             return self._refused(node, names)
         helper = {"min": "smaller", "max": "larger"}[name]
         self.extremes.add(helper)
-        first, *others = (self.write(argument, names) for argument in node.args)
-        for other in others:
-            first = f"{self.prefix}{helper}({first}, {other})"
-        return first, _ATOM
+        written = (self.write(argument, names) for argument in node.args)
+        return reduce(lambda a, b: f"{self.prefix}{helper}({a}, {b})", written), _ATOM
 
     def _called(self, name: str, arguments: Iterable, names) -> str:
         if name not in FUNCTIONS:
@@ -140,3 +139,53 @@ class CPrinter:
             return self._refused(node, names)
         left, right = (self._written(part, names, 1) for part in (node.left, right))
         return f"{left} {_COMPARISONS[type(kind)]} {right}", 1
+
+
+# -- names -----------------------------------------------------------------------------------------
+
+_KEYWORDS = (
+    "auto break case char const continue default do double else enum extern float for goto if "
+    "inline int long register restrict return short signed sizeof static struct switch typedef "
+    "union unsigned void volatile while _Bool"
+)
+#: names used by the code itself, and names that ``math.h`` may define
+_TAKEN = "asm out p side t u x INFINITY NAN HUGE_VAL math_errhandling"
+RESERVED = frozenset({*_KEYWORDS.split(), *_TAKEN.split(), *FUNCTIONS}) | {
+    f"{f}f" for f in FUNCTIONS
+}
+
+
+def c_name(text: str) -> str:
+    """Return a text as an identifier of C99.
+
+    Examples
+    --------
+    >>> c_name("golf robot"), c_name("μ"), c_name("2 tanks")
+    ('golf_robot', 'u03bc', 'm2_tanks')
+    """
+    name = "".join(map(_letter, text.strip())) or "model"
+    return f"m{name}" if name[0].isdigit() else name
+
+
+def c_names(texts: Iterable[str], taken: Collection[str] = RESERVED) -> dict[str, str]:
+    """Return a unique identifier for every text, none of them taken.
+
+    Examples
+    --------
+    >>> c_names(["x", "x_", "phi", "c0", "double"])
+    {'x': 'x_', 'x_': 'x__', 'phi': 'phi', 'c0': 'c0_', 'double': 'double_'}
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name = c_name(text)
+        # c and digits are shared expressions in the code
+        while name in taken or name in found.values() or (name[0] == "c" and name[1:].isdigit()):
+            name += "_"
+        found[text] = name
+    return found
+
+
+def _letter(c: str) -> str:
+    if c.isascii() and (c.isalnum() or c == "_"):
+        return c
+    return f"u{ord(c):04x}" if c.isalnum() else "_"

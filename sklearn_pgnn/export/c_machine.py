@@ -11,10 +11,8 @@ from sklearn_pgnn.export.assignments import (
     rates_by_signs_of,
     rates_of,
 )
-from sklearn_pgnn.export.c_expression import CPrinter
-from sklearn_pgnn.export.c_names import c_name, c_names
-from sklearn_pgnn.export.explicit_steps import explicit_substeps
-from sklearn_pgnn.export.late_inputs import late_inputs
+from sklearn_pgnn.export.c_expression import CPrinter, c_name, c_names
+from sklearn_pgnn.export.sample_steps import explicit_substeps, late_inputs
 from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.complementarity import MAX_PIVOTS, SWEEPS
@@ -22,7 +20,7 @@ from sklearn_pgnn.simulation.complementarity import ROUNDING as ROUNDED
 from sklearn_pgnn.simulation.model_function import METHODS
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.stepping import AT_REST, MAX_EVENTS
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
+from sklearn_pgnn.trajectories.clock import check_sample_interval
 
 PRECISIONS = {"double": "double", "single": "float"}
 KEPT = ("constants", "struct")

@@ -14,7 +14,7 @@ from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.assignments import outputs_of
 from sklearn_pgnn.export.c_machine import Machine, machine_of
 from sklearn_pgnn.simulation.network_run import NetworkStep, terms_model
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
+from sklearn_pgnn.trajectories.clock import check_sample_interval
 
 #: activations of hidden neurons, as the compiled loop computes them
 _ACTIVATIONS = {

@@ -5,14 +5,13 @@ from functools import partial
 from typing import Any
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
-from sklearn_pgnn.export.explicit_steps import explicit_substeps
-from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs
+from sklearn_pgnn.export.sample_steps import acting_inputs, explicit_substeps, late_inputs
 from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
+from sklearn_pgnn.trajectories.clock import check_sample_interval
 
 
 def to_casadi(

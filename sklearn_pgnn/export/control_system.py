@@ -6,14 +6,18 @@ from typing import Any
 import numpy as np
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
-from sklearn_pgnn.export.explicit_steps import explicit_substeps
-from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs, past_names
+from sklearn_pgnn.export.sample_steps import (
+    acting_inputs,
+    explicit_substeps,
+    late_inputs,
+    past_names,
+)
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import numpy_function
 from sklearn_pgnn.simulation.simulate import hold_of, simulate
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
+from sklearn_pgnn.trajectories.clock import check_sample_interval
 
 
 def to_control(
@@ -76,7 +80,13 @@ def to_control(
         _refuse_what_is_not_smooth(model)
         states, update, output = list(model.states), _rates(model), _outputs(model, [])
     else:
-        _check_interval(model, interval)
+        check_sample_interval(interval)
+        if model.inputs and hold_of(model) == "foh":
+            raise ModelError(
+                "to_control: linearly interpolated inputs (hold 'foh') cannot be expressed in "
+                "discrete time: the next sample is not known. Remedy: "
+                "model.replace(simulation={'hold': 'zoh'}), or no interval."
+            )
         late = late_inputs(model, interval)
         states = [*model.states, *past_names(late)]
         options = {"method": method, "substeps": explicit_substeps(model, substeps, interval)}
@@ -107,16 +117,6 @@ def _refuse_what_is_not_smooth(model) -> None:
         raise ModelError(
             f"to_control: {next(iter(model.delays))!r} is delayed, which a system in continuous "
             f"time cannot express. {remedy}"
-        )
-
-
-def _check_interval(model, interval) -> None:
-    check_sample_interval(interval)
-    if model.inputs and hold_of(model) == "foh":
-        raise ModelError(
-            "to_control: linearly interpolated inputs (hold 'foh') cannot be expressed in discrete "
-            "time: the next sample is not known. Remedy: "
-            "model.replace(simulation={'hold': 'zoh'}), or no interval."
         )
 
 

@@ -1,10 +1,12 @@
 """Models as Modelica text."""
 
+from functools import reduce
+
 import sympy
 from sympy.printing.str import StrPrinter
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
-from sklearn_pgnn.export.c_names import c_name, c_names
+from sklearn_pgnn.export.c_expression import c_name, c_names
 from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import require_equations
@@ -173,18 +175,13 @@ class _Writer(StrPrinter):
         return super()._print_Pow(expr, rational=rational).replace("**", "^")
 
     def _print_Function(self, expr):
-        name = {"ceiling": "ceil"}.get(expr.func.__name__, expr.func.__name__)
+        name = {"ceiling": "ceil", "Abs": "abs"}.get(expr.func.__name__, expr.func.__name__)
         return f"{name}({', '.join(map(self._print, expr.args))})"
-
-    def _print_Abs(self, expr):
-        return f"abs({self._print(expr.args[0])})"
 
     def _print_ExpBase(self, expr):
         return f"exp({self._print(expr.exp)})"
 
     def _print_LatticeOp(self, expr):
         """Write maxima and minima of several as pairs."""
-        first, *others = map(self._print, sorted(expr.args, key=sympy.default_sort_key))
-        for other in others:
-            first = f"{type(expr).__name__.lower()}({first}, {other})"
-        return first
+        name, parts = type(expr).__name__.lower(), sorted(expr.args, key=sympy.default_sort_key)
+        return reduce(lambda one, other: f"{name}({one}, {other})", map(self._print, parts))

@@ -71,6 +71,15 @@ class Graph:
         return part.name if isinstance(part, Value) else self.constant(part).name
 
 
+def _operator(operation: str, swapped: bool = False) -> Callable[..., "Value"]:
+    """Return an operator of values that adds a node to their graph."""
+
+    def added(self, *other) -> "Value":
+        return self.graph.add(operation, *((*other, self) if swapped else (self, *other)))
+
+    return added
+
+
 class Value:
     """A value of a graph, for use in formulas."""
 
@@ -79,53 +88,11 @@ class Value:
     def __init__(self, graph: Graph, name: str):
         self.graph, self.name = graph, name
 
-    def _with(self, operation, *parts):
-        return self.graph.add(operation, *parts)
-
-    def __add__(self, other):
-        return self._with("Add", self, other)
-
-    def __radd__(self, other):
-        return self._with("Add", other, self)
-
-    def __sub__(self, other):
-        return self._with("Sub", self, other)
-
-    def __rsub__(self, other):
-        return self._with("Sub", other, self)
-
-    def __mul__(self, other):
-        return self._with("Mul", self, other)
-
-    def __rmul__(self, other):
-        return self._with("Mul", other, self)
-
-    def __truediv__(self, other):
-        return self._with("Div", self, other)
-
-    def __rtruediv__(self, other):
-        return self._with("Div", other, self)
-
-    def __matmul__(self, other):
-        return self._with("MatMul", self, other)
-
-    def __pow__(self, other):
-        return self._with("Pow", self, other)
-
-    def __rpow__(self, other):
-        return self._with("Pow", other, self)
-
-    def __neg__(self):
-        return self._with("Neg", self)
-
-    def __lt__(self, other):
-        return self._with("Less", self, other)
-
-    def __gt__(self, other):
-        return self._with("Greater", self, other)
-
-    def __le__(self, other):
-        return self._with("LessOrEqual", self, other)
-
-    def __ge__(self, other):
-        return self._with("GreaterOrEqual", self, other)
+    __add__, __radd__ = _operator("Add"), _operator("Add", swapped=True)
+    __sub__, __rsub__ = _operator("Sub"), _operator("Sub", swapped=True)
+    __mul__, __rmul__ = _operator("Mul"), _operator("Mul", swapped=True)
+    __truediv__, __rtruediv__ = _operator("Div"), _operator("Div", swapped=True)
+    __pow__, __rpow__ = _operator("Pow"), _operator("Pow", swapped=True)
+    __matmul__, __neg__ = _operator("MatMul"), _operator("Neg")
+    __lt__, __le__ = _operator("Less"), _operator("LessOrEqual")
+    __gt__, __ge__ = _operator("Greater"), _operator("GreaterOrEqual")

@@ -6,9 +6,7 @@ from xml.etree import ElementTree
 
 from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import ModelError, ModelWarning
-from sklearn_pgnn.export.mjcf_copy import MjcfCopy
-from sklearn_pgnn.export.robot_copy import RobotCopy
-from sklearn_pgnn.export.urdf_copy import UrdfCopy
+from sklearn_pgnn.export.robot_copy import MjcfCopy, RobotCopy, UrdfCopy
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.user_line import warn_user
 from sklearn_pgnn.whole_file import write_whole

@@ -24,7 +24,7 @@ from sklearn_pgnn.inspection.numbers import (
 )
 from sklearn_pgnn.inspection.report.page import digest, render, style_sheet
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, strip
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 #: a verdict's colour
 COLOUR = {VERDICTS["model_adequate"]: "good", FAILED: "bad"}

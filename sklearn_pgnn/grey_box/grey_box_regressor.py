@@ -44,11 +44,11 @@ from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.scoring import GapScoreMixin
-from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import (
+    GapScoreMixin,
     refuse_fit_params,
     require_target,
+    tags_of_records,
     validate_table,
 )
 

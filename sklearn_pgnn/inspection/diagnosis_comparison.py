@@ -16,7 +16,7 @@ from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number, readable, times
 from sklearn_pgnn.inspection.result_files import FILE
 from sklearn_pgnn.inspection.yardstick import models_called
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 #: by suffix, other files that may be given by mistake
 OTHER_FILES = {

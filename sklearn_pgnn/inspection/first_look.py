@@ -11,9 +11,8 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wiring import find_wiring
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.constant_outputs import remarks_on_dead_outputs
-from sklearn_pgnn.trajectories.measured import spans_of
-from sklearn_pgnn.trajectories.repeated_records import REMEDY, remarks_on_repeats
+from sklearn_pgnn.trajectories.measured import remarks_on_dead_outputs, spans_of
+from sklearn_pgnn.trajectories.record import REMEDY, remarks_on_repeats
 
 _TABLES = ("records", "quantities", "outputs")
 

@@ -9,7 +9,7 @@ from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import number, readable
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_bounds, at_spread_ends
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 #: what to do about a model that runs away
 REMEDY = (

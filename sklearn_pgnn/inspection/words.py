@@ -20,8 +20,8 @@ from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import is_effort
 from sklearn_pgnn.physics.port import against
-from sklearn_pgnn.record_quality.drift import differing
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
+from sklearn_pgnn.record_quality.refits import differing
 
 #: what a cause may be confused with, if the search ended before it had rivals
 NOT_COMPARED = "not known: the diagnosis ended before others were compared"

@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.trajectories import split_rows
-from sklearn_pgnn.trajectories.names import is_named
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
-from sklearn_pgnn.trajectories.tables import as_table, read_clock
+from sklearn_pgnn.trajectories.tables import as_table, is_named, read_clock
 
 
 def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> list[np.ndarray]:

@@ -15,7 +15,7 @@ from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, method_of
-from sklearn_pgnn.trajectories.scoring import GapScoreMixin
+from sklearn_pgnn.trajectories.validation import GapScoreMixin
 from sklearn_pgnn.user_line import warn_user
 
 #: predictions that differ by less than this share of their size are the same

@@ -13,12 +13,11 @@ from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.external import external
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.priors.actuators import Drive, torques
-from sklearn_pgnn.priors.actuators import controls as commands
 from sklearn_pgnn.priors.base_parameters import base_inertias
 from sklearn_pgnn.priors.rigid_tree import RigidTree, TreeDynamics
 from sklearn_pgnn.priors.robot_file import Payload, read_mjcf, read_urdf, tree_of
-from sklearn_pgnn.priors.robot_joint import Joint, joints_of
+from sklearn_pgnn.priors.robot_joint import Drive, Joint, joints_of, torques
+from sklearn_pgnn.priors.robot_joint import controls as commands
 
 
 def from_urdf(

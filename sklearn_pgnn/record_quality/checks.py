@@ -6,10 +6,7 @@ from functools import partial
 import numpy as np
 
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
-from sklearn_pgnn.record_quality.dead_sensor import find_dead_sensor
-from sklearn_pgnn.record_quality.drift import find_drift, find_uneven_noise
 from sklearn_pgnn.record_quality.excitation import (
     find_blind_parameters,
     find_dull_input,
@@ -17,17 +14,22 @@ from sklearn_pgnn.record_quality.excitation import (
 )
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.noise_feedback import find_closed_loop
-from sklearn_pgnn.record_quality.quantisation import find_quantisation
+from sklearn_pgnn.record_quality.refits import find_drift, find_early_output, find_uneven_noise
+from sklearn_pgnn.record_quality.sensors import (
+    find_clipping,
+    find_dead_sensor,
+    find_held_samples,
+    find_outliers,
+    find_quantisation,
+)
 from sklearn_pgnn.record_quality.signals import Signal
-from sklearn_pgnn.record_quality.single_samples import find_held_samples, find_outliers
 from sklearn_pgnn.record_quality.state_feedback import find_state_feedback
-from sklearn_pgnn.record_quality.synchrony import find_early_output
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
-from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.repeated_records import (
+from sklearn_pgnn.trajectories.record import (
     REMEDY,
+    Record,
     remarks_on_repeats,
     repeated_records,
 )
@@ -51,11 +53,16 @@ def check_data_quality(
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
+    clocks = [record.t for record in whole]
     checks: list[Callable[[], Sequence[Finding | None]]] = [
         lambda: [find_few_windows(windows), *find_repeats(whole)],
         lambda: [*map(find_dull_input, inputs), find_first_steps(inputs)],
         lambda: find_blind_parameters(problem, base),
-        lambda: _of_clocks(whole, outputs, windows.t.size),
+        lambda: [
+            find_gaps(clocks, [record.name for record in whole]),
+            find_jitter(outputs),
+            find_unused_samples(clocks, windows.t.size),
+        ],
         *(partial(_of_signal, *pair) for pair in zip(outputs, left, strict=True)),
         lambda: [find_closed_loop(outputs, inputs, left)],
         lambda: find_state_feedback(problem, final, each_step),
@@ -71,12 +78,6 @@ def find_repeats(whole: Sequence[Record]) -> list[Finding]:
     """Return a finding for every record that has the values of another one."""
     pairs = zip(repeated_records(whole), remarks_on_repeats(whole), strict=True)
     return [Finding("repeated record", b, said, 1.0, REMEDY) for (_, b), said in pairs]
-
-
-def _of_clocks(whole, outputs, used: int) -> list[Finding | None]:
-    """Check the clocks of the records."""
-    clocks, names = [record.t for record in whole], [record.name for record in whole]
-    return [find_gaps(clocks, names), find_jitter(outputs), find_unused_samples(clocks, used)]
 
 
 def _of_signal(signal: Signal, rest: Signal) -> list[Finding | None]:

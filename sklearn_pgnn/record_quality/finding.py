@@ -1,5 +1,6 @@
 """A finding: a fault of the records, and its remedy."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -32,3 +33,15 @@ class Finding:
     text: str
     value: float
     remedy: str
+
+
+def listed(items: Iterable[str]) -> str:
+    """Return a list as in a sentence, with "and" before its last entry.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    items = list(items)
+    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)

@@ -27,10 +27,14 @@ from sklearn_pgnn.simulation.substeps import (
 )
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
-from sklearn_pgnn.trajectories.constant_outputs import constant_outputs
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.grid import step_of
-from sklearn_pgnn.trajectories.measured import of_measured, spans_of, where_measured
+from sklearn_pgnn.trajectories.measured import (
+    constant_outputs,
+    of_measured,
+    spans_of,
+    where_measured,
+)
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
 

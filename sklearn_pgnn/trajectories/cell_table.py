@@ -8,11 +8,10 @@ from typing import Any
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.units import NONE, conversion, read_unit
+from sklearn_pgnn.trajectories.cell_text import NOTHING, UnclearTimes, read_number, read_times
 from sklearn_pgnn.trajectories.file_table import FileTable
-from sklearn_pgnn.trajectories.number_text import NOTHING, read_number
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.shown import SHORT, listed
-from sklearn_pgnn.trajectories.time_text import UnclearTimes, read_times
 from sklearn_pgnn.trajectories.titles import is_called, name_of
 from sklearn_pgnn.user_line import warn_user
 
@@ -115,7 +114,8 @@ class CellTable(FileTable):
     def cells(self, k: int) -> list[Any]:
         """Return the cells of a column."""
         if k not in self.columns:
-            self.columns[k] = [_stripped(row[k]) if k < len(row) else "" for row in self.rows]
+            cells = (row[k] if k < len(row) else "" for row in self.rows)
+            self.columns[k] = [cell.strip() if isinstance(cell, str) else cell for cell in cells]
         return self.columns[k]
 
 
@@ -159,10 +159,6 @@ def _width(row: Sequence[Any]) -> int:
 
 def _is_empty(row: Sequence[Any]) -> bool:
     return not _width(row)
-
-
-def _stripped(cell: Any) -> Any:
-    return cell.strip() if isinstance(cell, str) else cell
 
 
 def _text(cell: Any) -> str:

@@ -17,28 +17,34 @@ from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.unit_check import output_measure
 from sklearn_pgnn.physics.units import conversion, is_like, plain_unit, read_unit, unit_text
-from sklearn_pgnn.trajectories.alike import likeness, names_alike, units_alike
-from sklearn_pgnn.trajectories.clock import other_unit, usual_step
-from sklearn_pgnn.trajectories.clock_column import ClockColumn
-from sklearn_pgnn.trajectories.file_text import stem
-from sklearn_pgnn.trajectories.number_text import (
+from sklearn_pgnn.trajectories.cell_text import (
+    UnclearTimes,
     has_commas,
     mark_of,
     may_be_two,
     read_number,
+    read_times,
     whole_numbers,
 )
+from sklearn_pgnn.trajectories.clock import (
+    ClockColumn,
+    check_sample_interval,
+    other_unit,
+    usual_step,
+)
+from sklearn_pgnn.trajectories.file_text import stem
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, of_files, split_rows
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 from sklearn_pgnn.trajectories.shown import SAID, SHORT, as_yaml, cut, listed, shown
 from sklearn_pgnn.trajectories.tables import read_clock
-from sklearn_pgnn.trajectories.time_text import UnclearTimes, read_times
 from sklearn_pgnn.trajectories.titles import (
     bracketed_unit,
     is_called,
+    likeness,
     name_of,
+    names_alike,
     split_title,
     unit_of,
+    units_alike,
 )
 from sklearn_pgnn.user_line import warn_user
 

@@ -14,14 +14,13 @@ from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.channel_logs import BagLog, MdfLog, is_bag_folder
 from sklearn_pgnn.trajectories.channels import ChannelLog, join_channels
 from sklearn_pgnn.trajectories.csv_file import open_csv
 from sklearn_pgnn.trajectories.excel_file import open_excel
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.file_text import check_regular
-from sklearn_pgnn.trajectories.mdf_file import MdfLog
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
-from sklearn_pgnn.trajectories.ros_bag import BagLog, is_bag_folder
 from sklearn_pgnn.trajectories.several_files import read_each
 from sklearn_pgnn.trajectories.shown import LISTED, cut
 

@@ -21,9 +21,10 @@ def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> 
 
 
 def _pieces(record: Record, longest: float, samples: int) -> list[Record]:
-    steps = np.diff(record.t)
+    steps, u = np.diff(record.t), record.u
+    held = (u[1:] == u[:-1]).all(axis=1) & (u.shape[1] > 0)
     bridged = max(longest, samples * float(np.median(steps)))
-    edges = [0, *(np.flatnonzero((steps > bridged) & ~_is_held(record.u)) + 1), record.t.size]
+    edges = [0, *(np.flatnonzero((steps > bridged) & ~held) + 1), record.t.size]
     if len(edges) == 2:
         return [record]
     spans = [slice(a, b) for a, b in pairwise(edges)]
@@ -31,11 +32,6 @@ def _pieces(record: Record, longest: float, samples: int) -> list[Record]:
     return [
         p for p in pieces if p.t.size >= MIN_SAMPLES and (p.y is None or np.isfinite(p.y).any())
     ]
-
-
-def _is_held(u: np.ndarray) -> np.ndarray:
-    """Return for every interval whether there are inputs, the same on both sides of it."""
-    return (u[1:] == u[:-1]).all(axis=1) & (u.shape[1] > 0)
 
 
 def piece_of(record: Record, span: slice) -> Record:

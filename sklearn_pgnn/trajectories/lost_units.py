@@ -115,15 +115,10 @@ def _scalers(values) -> set[str]:
     found, is_zero = set(), not values.any()
     if abs(values.mean()) < EXACT and (is_zero or abs(values.std() - 1) < EXACT):
         found.add("StandardScaler")
-    if abs(np.median(values)) < EXACT and (is_zero or abs(_middle_half(values) - 1) < EXACT):
+    low, high = np.percentile(values, [25, 75])
+    if abs(np.median(values)) < EXACT and (is_zero or abs(high - low - 1) < EXACT):
         found.add("RobustScaler")
     return found
-
-
-def _middle_half(values) -> float:
-    """Return the distance between the quartiles."""
-    low, high = np.percentile(values, [25, 75])
-    return high - low
 
 
 def _has_set_clock(records) -> bool:

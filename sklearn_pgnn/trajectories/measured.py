@@ -1,11 +1,16 @@
-"""Statistics of the measured samples of every output, which may be none.
+"""Measured samples of every output, which may be none, or all the same.
 
-They are taken column by column: over the rows of a narrow table NumPy takes nine times as long.
+Statistics are taken column by column: over the rows of a narrow table NumPy takes nine times as
+long.
 """
 
 from collections.abc import Callable
 
 import numpy as np
+
+from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.user_line import warn_user
 
 
 def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
@@ -42,3 +47,93 @@ def spans_of(y: np.ndarray) -> np.ndarray:
     [2.0, nan]
     """
     return np.array([np.fmax.reduce(column) - np.fmin.reduce(column) for column in y.T])
+
+
+# -- outputs that never change in a record: a dead sensor, or a machine at rest --------------------
+
+#: fewer equal values of an output tell nothing of its sensor: a single one is always the same
+SEVERAL = 8
+
+
+def constant_outputs(records) -> np.ndarray:
+    """Return which outputs have no two different values in a record; they tell nothing of noise.
+
+    The result has shape (n_records, n_outputs), and is also true for outputs that were not
+    measured.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = np.column_stack([np.tile(np.arange(4.0), 2), np.ones(8)])
+    >>> records = read_records(lag, X, [0.0, 0.4, 0.6, 0.8, 0.1, 0.1, np.nan, 0.1])
+    >>> constant_outputs(records).tolist()
+    [[False], [True]]
+    """
+    return ~(np.array([spans_of(record.y) for record in records]) > 0)
+
+
+def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
+    """Return remarks on outputs that change in some records, and in others not though inputs do.
+
+    Each has its remedy.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = np.column_stack([np.tile(np.arange(9.0), 2), np.arange(18.0)])
+    >>> records = read_records(lag, X, [*np.linspace(0.0, 0.8, 9), *[0.1] * 9])
+    >>> remarks_on_dead_outputs(lag, records)[0].split(":")[0]
+    "output 'y' has one value only throughout trajectory '1' (0.1 V)"
+    """
+    still = constant_outputs(records)
+    if not still.any():
+        return []
+    driven = np.array([not model.inputs or bool(np.ptp(r.u, axis=0).any()) for r in records])
+    measured = np.array([np.isfinite(r.y).sum(axis=0) >= SEVERAL for r in records])
+    said = []
+    for i, name in enumerate(model.outputs):
+        dead = np.flatnonzero(still[:, i] & measured[:, i] & driven)
+        if dead.size and not still[:, i].all():
+            where = ", ".join(_place(model, name, records[r], i) for r in dead)
+            said.append(
+                f"output {name!r} has one value only throughout {where}: it changes in other "
+                f"trajectories, and there inputs change. Remedy: if its sensor was dead, leave the "
+                f"output empty (NaN) there, or leave these trajectories out; if the machine stood "
+                f"still, none is needed."
+            )
+    return said
+
+
+def _place(model, name, record, i: int) -> str:
+    value = float(np.nanmax(record.y[:, i]))
+    return f"trajectory {record.name!r} ({value:.4g} {model.unit(name)}".rstrip() + ")"
+
+
+def warn_of_constant_outputs(model: PhysicsModel, records, *, noise_is_told=False) -> None:
+    """Warn of outputs that never change: in some records, or in all, where no noise is known.
+
+    `noise_is_told` is whether the noise of the outputs need not be estimated.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
+    >>> warn_of_constant_outputs(lag, read_records(lag, X, np.arange(9.0)))  # none is constant
+    """
+    for remark in remarks_on_dead_outputs(model, records):
+        warn_user(f"y: {remark}", RecordWarning)
+    if noise_is_told:
+        return
+    still = np.flatnonzero(constant_outputs(records).all(axis=0)).tolist()
+    for name in (list(model.outputs)[i] for i in still):
+        one = f"1 {model.unit(name)}".rstrip()
+        warn_user(
+            f"y: output {name!r} has one value only in every trajectory in which it was measured: "
+            f"its noise cannot be estimated, and counts as {one}. Remedy: a trajectory in which it "
+            f"changes, or a model without this output if its sensor is dead; "
+            f"PhysicsModelRegressor and ModelDiagnosis take the noise as noise_std.",
+            RecordWarning,
+        )

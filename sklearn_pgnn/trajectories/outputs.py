@@ -9,9 +9,7 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.names import column_of, once
-from sklearn_pgnn.trajectories.real_numbers import read_numbers
-from sklearn_pgnn.trajectories.tables import as_pandas
+from sklearn_pgnn.trajectories.tables import as_pandas, column_of, once, read_numbers
 
 
 def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
@@ -33,7 +31,10 @@ def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
         )
     columns = [read_numbers(table.iloc[:, i], f"y: output {n!r}") for i, n in enumerate(names)]
     values = np.column_stack(columns)
-    _refuse_infinite(values, names)
+    infinite = np.argwhere(np.isinf(values))
+    if infinite.size:
+        row, column = infinite[0]
+        raise RecordError(f"y: output {names[column]!r} is infinite in row {row}.")
     return values
 
 
@@ -85,10 +86,3 @@ def _named_column(model: PhysicsModel, name: str, y: pd.DataFrame) -> str:
         )
     once(y, called, "y: column")
     return called
-
-
-def _refuse_infinite(values: np.ndarray, names: list[str]) -> None:
-    infinite = np.argwhere(np.isinf(values))
-    if infinite.size:
-        row, column = infinite[0]
-        raise RecordError(f"y: output {names[column]!r} is infinite in row {row}.")

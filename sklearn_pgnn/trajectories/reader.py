@@ -17,11 +17,19 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.names import column_of, is_named, once, place_of, time_name
 from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
-from sklearn_pgnn.trajectories.real_numbers import read_numbers
 from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.tables import TIME, as_table, read_clock
+from sklearn_pgnn.trajectories.tables import (
+    TIME,
+    as_table,
+    column_of,
+    is_named,
+    once,
+    place_of,
+    read_clock,
+    read_numbers,
+    time_name,
+)
 from sklearn_pgnn.trajectories.torn_rows import INSTEAD, refuse_torn_rows
 
 #: fewest samples of a trajectory with outputs

@@ -1,15 +1,19 @@
-"""Checks that scikit-learn expects of every estimator, before X and y are read as records."""
+"""What scikit-learn expects of every estimator: checks of X and y, scores, and tags."""
 
 from os import PathLike
 
+import numpy as np
 import pandas as pd
+from sklearn.base import RegressorMixin
+from sklearn.metrics import r2_score
+from sklearn.utils import Tags
 from sklearn.utils.validation import validate_data
 
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.annotations import ArrayLike, Table
+from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.names import is_named
-from sklearn_pgnn.trajectories.outputs import refuse_other_order
-from sklearn_pgnn.trajectories.tables import as_table
+from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
+from sklearn_pgnn.trajectories.tables import as_table, is_named
 
 
 def check_model(model, *, optional: bool = False) -> None:
@@ -107,12 +111,83 @@ def validate_table(estimator, X, *, reset: bool):
         validate_data(estimator, X, reset=reset, skip_check_array=True)
     else:
         X = validate_data(estimator, X, reset=reset, ensure_all_finite="allow-nan")
-    return _with_fitted_names(estimator, X)
-
-
-def _with_fitted_names(estimator, X):
-    """Give unnamed columns the names that `fit` saw."""
     names = getattr(estimator, "feature_names_in_", None)
     if names is None or is_named(X):
         return X
     return pd.DataFrame(X).set_axis(names, axis=1)
+
+
+# -- the score of regressors whose y may have gaps -------------------------------------------------
+
+
+class GapScoreMixin(RegressorMixin):
+    """A regressor that is scored on the measured samples only, as in its fit.
+
+    If y has names, they are checked as in ``fit``, against the parameter ``model``.
+    """
+
+    def score(self, X: Table, y: Table, sample_weight: ArrayLike | None = None) -> float:
+        """Return the coefficient of determination of `predict` over the measured samples.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is no value: such samples are left out, and so is an
+            output without any value.
+        sample_weight : array-like of shape (n_samples,), optional
+            Weights of the samples.
+
+        Returns
+        -------
+        float
+            1 at best; the mean over the outputs.
+
+        Raises
+        ------
+        ValueError
+            If y is not as in `fit`, has the index of X in another order, or nothing was measured.
+        """
+        refuse_other_order(X, y)
+        predicted = np.asarray(self.predict(X))
+        predicted = predicted.reshape(len(predicted), -1)
+        measured = read_outputs(self._model_of_y(), y, len(predicted))
+        if measured.shape != predicted.shape:
+            raise RecordError(
+                f"y: expected shape {predicted.shape}, as predictions have, got {measured.shape}."
+            )
+        weight = None if sample_weight is None else np.asarray(sample_weight)
+        return _mean_score(measured, predicted, weight)
+
+    def _model_of_y(self) -> PhysicsModel | None:
+        """Return the model whose outputs the columns of y are."""
+        return getattr(self, "model", None)
+
+
+def _mean_score(measured, predicted, weight) -> float:
+    scores = [
+        r2_score(y[seen], y_hat[seen], sample_weight=None if weight is None else weight[seen])
+        for y, y_hat in zip(measured.T, predicted.T, strict=True)
+        if (seen := ~np.isnan(y)).any()
+    ]
+    if not scores:
+        raise RecordError("y: expected a measured sample to score by, got NaN in all.")
+    return float(np.mean(scores))
+
+
+# -- tags ------------------------------------------------------------------------------------------
+
+
+def tags_of_records(tags: Tags, has_time: bool = True) -> Tags:
+    """Return a regressor's tags: states may be NaN, and random numbers follow no physical model.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> tags_of_records(Ridge().__sklearn_tags__()).input_tags.allow_nan
+    True
+    """
+    tags.input_tags.allow_nan = has_time
+    tags.regressor_tags.poor_score = has_time
+    return tags

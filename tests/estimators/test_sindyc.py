@@ -20,7 +20,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 import sklearn_pgnn
 from sklearn_pgnn import PhysicsModel, PhysicsModelRegressor, datasets, systems
 from sklearn_pgnn.datasets.integrator import integrate
-from sklearn_pgnn.datasets.records import make_tables
+from sklearn_pgnn.datasets.rig import make_tables
 from sklearn_pgnn.estimators.sindyc import SINDYcRegressor
 from sklearn_pgnn.estimators.sindyc_library import (
     model_terms,

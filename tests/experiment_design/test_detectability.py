@@ -14,8 +14,8 @@ import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood_ratio
+from sklearn_pgnn.experiment_design.detectability import inject
 from sklearn_pgnn.experiment_design.power import Noise, PowerAnalysis, strength_along
-from sklearn_pgnn.experiment_design.simulate_records import inject
 from sklearn_pgnn.inspection import DetectabilityDisplay
 from sklearn_pgnn.inspection.numbers import least_size
 

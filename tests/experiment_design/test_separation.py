@@ -12,7 +12,7 @@ from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import model_diagnosis
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.experiment_design.separation import are_same, put_in_place
+from sklearn_pgnn.experiment_design.separation import are_same, put_in_place, waves
 from sklearn_pgnn.trajectories import read_records
 
 NOISE = 4e-3
@@ -215,3 +215,29 @@ def test_any_other_cause_can_be_asked_for(slow):
         diagnosis.separating_experiment(other)
     with pytest.raises(ValueError, match=r"cause: expected an effect of the catalogue"):
         diagnosis.separating_experiment(("rust", "F"))
+
+
+# -- designed excitations are functions of time, whatever they are sampled at ----------------------
+
+DURATION = 12.0
+WAVES = waves(1.5, DURATION, 0.02)
+
+
+@pytest.mark.parametrize("wave", WAVES, ids=str)
+def test_a_wave_stays_within_one_and_begins_at_rest(wave):
+    values = wave(np.linspace(0.0, DURATION, 601), DURATION)
+    assert 0.95 < np.abs(values).max() <= 1.0 + 1e-12
+    assert abs(values[0]) < 1e-9
+
+
+@pytest.mark.parametrize("wave", WAVES, ids=str)
+def test_a_wave_is_the_same_at_any_sample_rate_and_in_parts(wave):
+    fine = np.linspace(0.0, DURATION, 601)
+    whole = wave(fine, DURATION)
+    np.testing.assert_array_equal(wave(fine[::10], DURATION), whole[::10])
+    np.testing.assert_array_equal(wave(fine[:300], DURATION), whole[:300])
+
+
+def test_no_wave_is_quicker_than_samples_can_show():
+    assert max(wave.high for wave in WAVES) * 0.02 <= 0.5
+    assert len(waves(1.5, DURATION, 0.1)) < len(WAVES)

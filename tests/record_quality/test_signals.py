@@ -6,13 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
-from sklearn_pgnn.record_quality.drift import find_uneven_noise
 from sklearn_pgnn.record_quality.excitation import find_first_steps
-from sklearn_pgnn.record_quality.quantisation import find_quantisation
+from sklearn_pgnn.record_quality.refits import find_uneven_noise
+from sklearn_pgnn.record_quality.sensors import (
+    find_clipping,
+    find_held_samples,
+    find_outliers,
+    find_quantisation,
+)
 from sklearn_pgnn.record_quality.signals import Signal
-from sklearn_pgnn.record_quality.single_samples import find_held_samples, find_outliers
 from sklearn_pgnn.trajectories.grid import grid_step
 
 

@@ -8,8 +8,11 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.record_quality.replay import replay_inputs, window_states
-from sklearn_pgnn.record_quality.state_feedback import find_state_feedback
+from sklearn_pgnn.record_quality.state_feedback import (
+    find_state_feedback,
+    replay_inputs,
+    window_states,
+)
 from sklearn_pgnn.simulation.window_fit import fit_windows
 from sklearn_pgnn.trajectories import read_records
 

@@ -1,6 +1,7 @@
 """Clocks of files: steps of simulations, repeated rows, counters, coarse stamps, other units."""
 
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pandas as pd
@@ -8,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sklearn_pgnn.exceptions import RecordError, RecordWarning
+from sklearn_pgnn.exceptions import OptionError, RecordError, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories import read_file
-from sklearn_pgnn.trajectories.clock import backward, counted_on, other_unit
+from sklearn_pgnn.trajectories.clock import backward, check_sample_interval, counted_on, other_unit
 
 pytestmark = pytest.mark.core
 
@@ -135,3 +136,17 @@ def test_a_clock_since_1970_in_another_unit_is_refused_with_the_unit(tmp_path, u
     assert f'columns: {{t: "t [{unit}]"}}' in refusal(tmp_path, table.assign(t=count))
     X, _ = read(tmp_path, table.assign(t=count).rename(columns={"t": f"t [{unit}]"}))
     np.testing.assert_allclose(X["t"] - X["t"][0], table["t"], atol=1e-9 if unit == "ns" else 1e-6)
+
+
+# -- a sample interval is a finite time above 0, whoever asks for it -------------------------------
+
+
+@pytest.mark.parametrize("value", [0.01, 1, np.float32(0.5), np.int64(2), Fraction(1, 3)])
+def test_a_finite_time_above_zero_passes(value):
+    check_sample_interval(value)
+
+
+@pytest.mark.parametrize("value", [0, -0.1, np.nan, np.inf, "0.1", True, None, [0.1]])
+def test_anything_else_is_refused_by_the_name_of_the_option(value):
+    with pytest.raises(OptionError, match=r"^sample_time: expected .* seconds.* got .* Remedy: x$"):
+        check_sample_interval(value, "sample_time", "Remedy: x")

@@ -49,15 +49,17 @@ from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.substeps import EXPLICIT
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.constant_outputs import constant_outputs, warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_contradicted_states,
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.measured import of_measured
-from sklearn_pgnn.trajectories.names import is_named, time_name
-from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
+from sklearn_pgnn.trajectories.measured import (
+    constant_outputs,
+    of_measured,
+    warn_of_constant_outputs,
+)
+from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table, is_named, time_name
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)

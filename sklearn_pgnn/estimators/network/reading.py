@@ -5,9 +5,8 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.names import SIMULATED, once, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
-from sklearn_pgnn.trajectories.real_numbers import read_numbers
+from sklearn_pgnn.trajectories.tables import SIMULATED, once, read_numbers, time_name
 
 
 def with_names(model: PhysicsModel, X, time_column=None):

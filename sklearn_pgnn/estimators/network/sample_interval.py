@@ -11,8 +11,8 @@ import numpy as np
 
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
+from sklearn_pgnn.trajectories.clock import check_sample_interval
 from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 from sklearn_pgnn.user_line import warn_user
 
 #: a step this many times as long as that of the training is divided

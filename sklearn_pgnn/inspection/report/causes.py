@@ -15,7 +15,7 @@ from sklearn_pgnn.inspection.yardstick import together
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 
 @dataclass(frozen=True)

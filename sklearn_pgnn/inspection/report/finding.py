@@ -16,8 +16,8 @@ from sklearn_pgnn.inspection.words import UNNAMED, place_name, separation_senten
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, over_windows
 from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.record_quality.drift import differing
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
+from sklearn_pgnn.record_quality.refits import differing
 
 
 def title(diagnosis) -> str:

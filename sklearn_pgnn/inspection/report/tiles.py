@@ -18,7 +18,7 @@ from sklearn_pgnn.inspection.yardstick import (
     shown_models,
     together,
 )
-from sklearn_pgnn.record_quality.wording import listed
+from sklearn_pgnn.record_quality.finding import listed
 
 #: the colours of a tile, the best first, and what they mean to those who see none
 STATES = {"good": "OK", "look": "look at this", "bad": "not OK"}

@@ -4,8 +4,7 @@ from servo import SERVO, follow_sines, follow_steps
 
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem, with_hold
-from sklearn_pgnn.record_quality.improvement import is_better
-from sklearn_pgnn.record_quality.synchrony import _best_lead, find_early_output
+from sklearn_pgnn.record_quality.refits import _best_lead, find_early_output, is_better
 from sklearn_pgnn.trajectories import read_records
 
 

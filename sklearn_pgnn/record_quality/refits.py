@@ -1,22 +1,42 @@
-"""Drift: parameters, or the noise, that differ from record to record."""
+"""Faults that a refit shows: parameters that drift, and outputs before their inputs."""
 
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import compress
+from itertools import compress, pairwise
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import chi2, norm
+from scipy.stats import t as student
 
 from sklearn_pgnn.estimation.autocorrelation import white_power
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
-from sklearn_pgnn.record_quality.improvement import is_better
-from sklearn_pgnn.record_quality.limits import ALPHA, FINE, STEPS, TWICE
+from sklearn_pgnn.record_quality.limits import ALPHA, FINE, SHARE, STEPS, TWICE
 from sklearn_pgnn.record_quality.signals import Signal, looks_like_noise
 from sklearn_pgnn.simulation.uncertainty import standard_errors
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, relative_error
+
+
+def is_better(worse: WindowFit, better: WindowFit, n_parameters: int) -> bool:
+    r"""Return whether a fit with more parameters is better than chance makes it.
+
+    The squares must fall by more than noise lets them, :math:`\hat\sigma^2 \chi^2_q`, and the
+    root errors of the blocks on average, as a t test says.
+    """
+    count = np.isfinite(worse.evaluation.residual).sum()
+    noise = better.squares / max(count - n_parameters, 1)
+    if not worse.squares - better.squares > noise * chi2.isf(ALPHA, n_parameters):
+        return False
+    fall = np.sqrt(worse.evaluation.block_squares) - np.sqrt(better.evaluation.block_squares)
+    error = np.std(fall, ddof=1) / np.sqrt(fall.size) if fall.size > 1 else 0.0
+    limit = student.isf(ALPHA, fall.size - 1) if fall.size > 1 else norm.isf(ALPHA)
+    return bool(fall.mean() > limit * error)
+
+
+# -- parameters, or the noise, that differ from record to record -----------------------------------
 
 #: the kind of its findings
 DRIFT = "drift between records"
@@ -62,22 +82,19 @@ def find_drift(
 
 
 def _fit_alone(problem, base, expected, spread, group, each_step) -> WindowFit:
+    known = base.model.parameters
+    bounds = [known[freedom.name].bounds for freedom in base.freedoms]  # beyond the spread
+    wide = zip(base.freedoms, bounds, strict=True)
     return fit_windows(
         base.model,
         problem.windows.select(group),
-        tuple(_wide(base.model, freedom) for freedom in base.freedoms),
+        tuple(replace(freedom, low=low, high=high) for freedom, (low, high) in wide),
         expected[group],
         spread,
         x0_start=base.x0[group],
         max_steps=STEPS,
         each_step=each_step,
     )
-
-
-def _wide(model, freedom: ParameterPrior) -> ParameterPrior:
-    """Return the prior of a parameter that may go to its bounds: a drift may exceed its spread."""
-    low, high = model.parameters[freedom.name].bounds
-    return replace(freedom, low=low, high=high)
 
 
 def _put_together(base, alone, groups) -> WindowFit:
@@ -135,7 +152,8 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
         return None
     rounding = signal.resolution / np.sqrt(12)
     levels = np.array([max(noise_level(*piece), rounding) for piece in timed])
-    errors = np.array([_noise_error(*piece) for piece in timed])
+    finest = (finest_differences(*piece) for piece in timed)
+    errors = np.array([relative_error(values.size, order) for values, order in finest])
     low, high = int(np.argmin(levels)), int(np.argmax(levels))
     error = np.hypot(errors[low], errors[high])
     pairs = len(levels) * (len(levels) - 1)
@@ -152,7 +170,81 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
     )
 
 
-def _noise_error(piece, times) -> float:
-    """Return the relative standard error of the noise of a record."""
-    differences, order = finest_differences(piece, times)
-    return relative_error(differences.size, order)
+# -- outputs that respond before their inputs ------------------------------------------------------
+
+
+def find_early_output(
+    problem: EstimationProblem, base: WindowFit, final: WindowFit, each_step=None
+) -> Finding | None:
+    """Find outputs that respond before their input: the two were not recorded synchronously.
+
+    The re-tuned prior is fitted with its inputs moved to earlier samples, held or straight in
+    between. It must then do better than the extended model, by more than chance, and leave little
+    but white noise: earlier inputs also make up for a model that is too slow.
+    """
+    if not problem.prior.inputs:
+        return None
+    held = (replace(problem.windows, hold=hold) for hold in ("zoh", "foh"))
+    leads = [_best_lead(problem, base, windows, each_step) for windows in held]
+    lead, best = min(leads, key=lambda found: found[1].objective)
+    if lead < 1 or not is_better(final, best, 1) or not _leaves_noise(problem, best, final):
+        return None
+    ahead = lead * problem.scales.sample_time
+    count = "1 sample" if lead == 1 else f"{lead} samples"
+    return Finding(
+        "not synchronous",
+        ", ".join(problem.prior.outputs),
+        f"the outputs lead the inputs by {count} ({ahead:.3g} s): no cause acts backward in time",
+        ahead,
+        "record inputs and outputs on one clock, or shift the inputs by this time",
+    )
+
+
+def _best_lead(problem, base, windows: ShootingWindows, each_step=None) -> tuple[int, WindowFit]:
+    """Return by how many samples earlier inputs have the least error, and the fit with them."""
+    fits = {0: base} if windows.hold == problem.windows.hold else {}
+    sample_time = problem.scales.sample_time
+
+    def error(lead):
+        if lead not in fits:
+            fits[lead] = _refit(problem, base, _earlier(windows, lead * sample_time), each_step)
+        return fits[lead].objective
+
+    best, step = 0, 1
+    longest = int(windows.lengths.min()) // 2
+    while best + step <= longest and error(best + step) < error(best):
+        best, step = best + step, 2 * step
+    while step > 1:
+        step //= 2
+        best = min((best, best - step, min(best + step, longest)), key=error)
+    return best, fits[best]
+
+
+def _earlier(windows: ShootingWindows, time: float) -> ShootingWindows:
+    """Return the windows with inputs moved to earlier samples, of every record's own clock."""
+    u = windows.u.copy()
+    for a, b in pairwise(windows.bounds):
+        lead = round(time / float(np.median(np.diff(windows.t[a:b]))))
+        u[a:b] = windows.u[np.minimum(np.arange(a, b) + lead, b - 1)]
+    return replace(windows, u=u)
+
+
+def _refit(problem, fit: WindowFit, windows: ShootingWindows, each_step) -> WindowFit:
+    estimate = problem.states.estimate(fit.model)
+    return fit_windows(
+        fit.model,
+        windows,
+        fit.freedoms,
+        estimate.x[windows.starts],
+        estimate.spread,
+        x0_start=fit.x0,
+        max_steps=STEPS,
+        each_step=each_step,
+    )
+
+
+def _leaves_noise(problem: EstimationProblem, fit: WindowFit, worse: WindowFit) -> bool:
+    """Return whether a fit leaves little beside white noise of what a worse one leaves."""
+    left, before = fit.evaluation.residual, worse.evaluation.residual
+    beyond = np.nanmean(left**2, axis=0) - white_power(left, problem.windows.starts)
+    return bool((beyond <= SHARE * np.nanmean(before**2, axis=0)).all())

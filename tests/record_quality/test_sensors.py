@@ -5,9 +5,8 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.exceptions import RecordError
-from sklearn_pgnn.record_quality.dead_sensor import find_dead_sensor
+from sklearn_pgnn.record_quality.sensors import find_dead_sensor, find_outliers
 from sklearn_pgnn.record_quality.signals import Signal
-from sklearn_pgnn.record_quality.single_samples import find_outliers
 
 CART = PhysicsModel(
     {"x": "m", "v": "m/s"},

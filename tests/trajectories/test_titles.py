@@ -5,6 +5,7 @@ import pytest
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv
+from sklearn_pgnn.trajectories.titles import names_alike, units_alike
 
 pytestmark = pytest.mark.core
 
@@ -91,3 +92,30 @@ def test_a_unit_in_the_models_columns_converts_and_asks_no_more(tmp_path, recwar
 def test_a_letter_at_the_end_of_a_name_is_no_unit_of_another_kind(tmp_path, recwarn, title):
     read_csv(write(tmp_path, f"t,{title},speed"), MODEL.replace(columns={"F": title}))
     assert not recwarn.list
+
+
+# -- names and units that are alike, and those that are not ----------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("own", "theirs"),
+    [("force", "F_force"), ("position", "Pos"), ("speed", "spd"), ("motor_torque", "torque (raw)")],
+)
+def test_names_that_share_a_word_or_their_letters_are_alike(own, theirs):
+    assert names_alike(own, theirs)
+    assert names_alike(theirs, own)
+
+
+@pytest.mark.parametrize(
+    ("own", "theirs"),
+    [("force", "weg"), ("force_1", "level_1"), ("level", "valve"), ("t", "torque")],
+)
+def test_names_with_little_in_common_are_not_alike(own, theirs):
+    assert not names_alike(own, theirs)
+    assert not names_alike(theirs, own)
+
+
+def test_an_unknown_unit_is_like_none():
+    assert not units_alike("N", "")
+    assert not units_alike("", "")
+    assert not units_alike("N", "foo")

@@ -6,7 +6,7 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.repeated_records import repeated_records
+from sklearn_pgnn.trajectories.record import repeated_records
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 0.5}, {"u": "V"})
 
