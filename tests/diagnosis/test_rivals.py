@@ -39,6 +39,7 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=(), 
         refutes=lambda final, trial: over[id(trial)] > CRITERION.to_refute,
         stands_in_free_run=lambda trial: trial.hypothesis.causes[-1] not in falls,
         runs_surely_worse=lambda final, trial: trial.hypothesis.causes[-1] in worse,
+        only_begins=lambda final, trial: False,
     )
     ladder = SimpleNamespace(
         in_place=lambda final, cause: list(trials.values()),
