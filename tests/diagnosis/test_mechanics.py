@@ -216,7 +216,7 @@ DRIVES = "input_fading", "quadratic_drag", "input_saturation", "input_gain", "pa
 CASES = {
     "hardening": (sprung_mass, {"loss": 120.0, "bend": -180.0}, SPRINGS),
     "softening": (sprung_mass, {"loss": 145.0, "bend": -105.0}, SPRINGS),
-    "steep": (sprung_mass, {"loss": 60.0, "bend": 90.0}, SPRINGS),
+    "levels off": (sprung_mass, {"loss": 60.0, "bend": 90.0}, ("hysteresis", *SPRINGS)),
     "gear": (axis, {"share": 0.05, "backward": 0.5}, LOSSES),
     "slow gear": (axis, {"share": 0.15, "backward": 0.15, "peak": 1.0}, PEAKS),
     "elastic": (servo, {}, ("elastic_joint", "joint_play", *BEHIND)),
