@@ -213,8 +213,11 @@ class ParameterSaturation(ParameterDependence):
 
     @classmethod
     def power(cls, target: str, model: PhysicsModel) -> int:
-        """Return 2 of what divides the rate of a store with its state, else 1."""
-        return 2 if parts(target)[1] in model.states and parts(target) in _own_signals(model) else 1
+        """Return 2 of what divides in the rate of its own state, whatever else acts there."""
+        name, signal = parts(target)
+        p, rate = symbol(name), model.equations.get(signal, sympy.Integer(0))
+        divides = rate.has(p) and not sympy.expand(rate.diff(p) * p**2).has(p)
+        return 2 if divides else 1
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
