@@ -29,6 +29,10 @@ from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 
+#: largest relative difference between coefficients that count as in proportion: what lies beyond is
+#: less than a twentieth of their power
+SPREAD = 0.05**0.5
+
 
 def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
     """Describe what is missing."""
@@ -54,11 +58,6 @@ def _explained(columns, values, groups) -> float:
     cv = GroupKFold(FOLDS)
     found = cross_val_predict(boosted_trees(), columns, values, groups=groups, cv=cv)
     return float(max(0.0, 1.0 - np.mean((values - found) ** 2) / np.var(values)))
-
-
-#: largest relative difference between coefficients that count as in proportion: what lies beyond is
-#: less than a twentieth of their power
-SPREAD = 0.05**0.5
 
 
 def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]:

@@ -108,7 +108,8 @@ class NamedCause:
         sums to 1. Much that is left beside it, or a law without a name that explains as much,
         raises it.
     onset : Estimate or None
-        The time in the record from which on it acts, where it begins within a record [s].
+        The time in the record from which on it acts, where it begins within a record [s]; its
+        interval is infinite where time was up.
 
     Examples
     --------
@@ -236,7 +237,7 @@ def _named(search: Search, result: SearchResult, steps, errors) -> NamedCause:
     others = zip(result.rivals[cause], theirs, strict=True)
     onset = _onset(fitter, result.final, cause)
     said = cause.summarise(result.final.fit.model) or summary
-    if onset is not None:
+    if onset is not None and math.isfinite(onset.low):
         said = f"{said.removesuffix('.')} (onset between {onset.low:.5g} and {onset.high:.5g} s)."
     return NamedCause(
         effect=cause.id,
@@ -258,7 +259,9 @@ def _onset(fitter: HypothesisFitter, trial: FittedHypothesis, cause: Effect) -> 
     since = onset_of(cause)
     if since is None or not trial.fit.usable:
         return None
-    low, high = onset_interval(fitter, trial, parts(cause.target)[1])
+    low, high = -math.inf, math.inf
+    with fitter.progress.spare_time():
+        low, high = onset_interval(fitter, trial, parts(cause.target)[1])
     return Estimate(since, low, high, "s")
 
 

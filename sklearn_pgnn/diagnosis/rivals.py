@@ -28,11 +28,10 @@ def not_refuted(
     found = []
     for trial in ladder.in_place(final, cause):
         (other,) = own_causes(final, trial)
-        if _says_the_same(ladder.fitter.problem.prior, cause, other):
+        same = _says_the_same(ladder.fitter.problem.prior, cause, other)
+        if same or compare.only_begins(final, trial):
             continue
         simple = count_parameters(other) <= max(1, count_parameters(cause))  # a gain for a unit
-        if compare.only_begins(final, trial):
-            continue
         stands = compare.stands_in_free_run(trial) and not compare.runs_surely_worse(final, trial)
         if simple and stands and not compare.refutes(final, trial):
             found.append((trial, compare.separation(trial, final)))

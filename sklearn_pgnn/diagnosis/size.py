@@ -100,10 +100,8 @@ def onset_interval(
        :doi:`10.1111/1468-0262.00124`.
     """
     problem, windows = fitter.problem, fitter.problem.windows
-    place, record = (
-        list(problem.prior.inputs).index(column),
-        windows.record_at(range(len(windows.t))),
-    )
+    place = list(problem.prior.inputs).index(column)
+    record = windows.record_at(np.arange(len(windows.t)))
     marked = windows.u[:, place] > 0.0
     is_in = np.isin(record, record[marked])
     times = np.unique(windows.t[is_in])
@@ -113,7 +111,7 @@ def onset_interval(
     def is_possible(k: int) -> bool:
         u = windows.u.copy()
         u[:, place] = is_in & (windows.t >= times[k])
-        return fitter.objective_on(replace(windows, u=u), trial) <= most
+        return fitter.objective_with(trial, windows=replace(windows, u=u)) <= most
 
     here = int(np.searchsorted(times, windows.t[marked].min()))
     low, high = (_last(is_possible, here, end) for end in (0, len(times) - 1))

@@ -32,7 +32,7 @@ from sklearn_pgnn.estimation.squares_left import squares_by_output, white_square
 from sklearn_pgnn.estimation.unusable import FailureLog, Unusable, note_fit, tolerate_failures
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, lost_fit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: name of the fits for cross-validation in reports of failures
@@ -188,24 +188,33 @@ class WindowFitter:
         """Return the rise of the objective with one parameter held and the others fitted."""
         fit = trial.fit
         (own,) = (freedom for freedom in fit.freedoms if freedom.name == name)
-        held = self.fit_model(
+        held = self.objective_with(
+            trial,
+            model=fit.model.with_parameters(**{name: value}),
+            free=tuple(freedom for freedom in fit.freedoms if freedom is not own),
+            tolerance=small / fit.objective if fit.objective > 0 else TOLERANCE,
+        )
+        return held + ((value - own.centre) / own.spread) ** 2 - fit.objective
+
+    def objective_with(
+        self,
+        trial: FittedHypothesis,
+        model: PhysicsModel | None = None,
+        windows: ShootingWindows | None = None,
+        free: tuple[ParameterPrior, ...] | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> float:
+        """Return the objective of a fit with other values, windows or freedoms, fitted again."""
+        fit = trial.fit
+        again = self.fit_model(
             self._tolerate(trial.hypothesis, AWAY),
-            fit.model.with_parameters(**{name: value}),
-            self.problem.windows,
-            tuple(freedom for freedom in fit.freedoms if freedom is not own),
+            model or fit.model,
+            windows or self.problem.windows,
+            fit.freedoms if free is None else free,
             self._start(fit.model),
             fit.x0,
             max_steps=STEPS,
-            tolerance=small / fit.objective if fit.objective > 0 else TOLERANCE,
-        )
-        return held.objective + ((value - own.centre) / own.spread) ** 2 - fit.objective
-
-    def objective_on(self, windows: ShootingWindows, trial: FittedHypothesis) -> float:
-        """Return the objective of a hypothesis, fitted again, on windows with other inputs."""
-        fit, tolerate = trial.fit, self._tolerate(trial.hypothesis, AWAY)
-        start = self._start(fit.model)
-        again = self.fit_model(
-            tolerate, fit.model, windows, fit.freedoms, start, fit.x0, max_steps=STEPS
+            tolerance=tolerance,
         )
         return again.objective
 

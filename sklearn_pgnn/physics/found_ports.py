@@ -25,11 +25,18 @@ from sklearn_pgnn.physics.units import is_like, read_unit
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
 
-
 #: units that make a state a velocity even where no other state is its integral
 SPEED_UNITS = frozenset(
     {"m/s", "mm/s", "km/h", "rad/s", "deg/s", "rpm", "1/s", "rev/s", "r/min", "1/min"}
 )
+#: states and parameters are drawn anew so often to tell a sign
+DRAWS = 24
+#: range of states: every angle, and a bit of everything else
+RANGE = np.pi
+#: parameters are drawn within this share of their values
+NEAR = 0.1
+#: most velocities, and most operations in a mass matrix, for which it is inverted
+MOST_VELOCITIES, MOST_OPERATIONS = 4, 400
 
 
 def is_velocity(model: PhysicsModel, state: str) -> bool:
@@ -151,16 +158,6 @@ def _of_energy(model: PhysicsModel) -> dict[str, Port]:
             unit = unit_of_effort(model, str(v), 1 / column[v])
             found[str(v)] = _port(model, str(v), rates, unit)
     return found
-
-
-#: states and parameters are drawn anew so often to tell a sign
-DRAWS = 24
-#: range of states: every angle, and a bit of everything else
-RANGE = np.pi
-#: parameters are drawn within this share of their values
-NEAR = 0.1
-#: most velocities, and most operations in a mass matrix, for which it is inverted
-MOST_VELOCITIES, MOST_OPERATIONS = 4, 400
 
 
 def always_positive(

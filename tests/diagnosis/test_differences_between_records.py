@@ -1,10 +1,14 @@
 """Records of one machine that differ: hidden, and required to be found; nothing where none do."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn.diagnosis import result
+from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.estimation.record_differences import Group, mark
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.effects.differences import ParameterDifference, where_of
@@ -118,6 +122,17 @@ def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
     usual = {"d": 1.6, "k": 50.0}[name]
     estimate = diagnosis.causes_[0].parameters["difference"]
     assert estimate.value == pytest.approx(value - usual, rel=0.05)
+
+
+def test_an_onset_has_no_interval_where_time_is_up(monkeypatch):
+    def end(*_):
+        raise TimeIsUp
+
+    monkeypatch.setattr(result, "onset_interval", end)
+    trial = SimpleNamespace(fit=SimpleNamespace(usable=True))
+    cause = ParameterDifference("k(in_run_1__since_5p1)")
+    found = result._onset(SimpleNamespace(progress=Progress()), trial, cause)
+    assert (found.value, found.low, found.high) == (5.1, -np.inf, np.inf)
 
 
 @pytest.mark.parametrize(("since", "said"), [(97080.0, "97080"), (3.5561, "3.556"), (0.25, "0.25")])
