@@ -99,19 +99,20 @@ def onset_interval(
     .. [1] B. E. Hansen, "Sample splitting and threshold estimation", Econometrica 68(3), 2000,
        :doi:`10.1111/1468-0262.00124`.
     """
-    problem, windows = fitter.problem, fitter.problem.windows
+    problem, windows, fit = fitter.problem, fitter.problem.windows, trial.fit
     place = list(problem.prior.inputs).index(column)
     record = windows.record_at(np.arange(len(windows.t)))
     marked = windows.u[:, place] > 0.0
     is_in = np.isin(record, record[marked])
     times = np.unique(windows.t[is_in])
-    dispersion = max(trial.fit.objective / problem.n_samples, 1.0)
-    most = trial.fit.objective - 2.0 * math.log(1.0 - math.sqrt(0.95)) * dispersion
+    dispersion = max(fit.objective / problem.n_samples, 1.0)
+    most = fit.objective - 2.0 * math.log(1.0 - math.sqrt(0.95)) * dispersion
 
     def is_possible(k: int) -> bool:
         u = windows.u.copy()
         u[:, place] = is_in & (windows.t >= times[k])
-        return fitter.objective_with(trial, windows=replace(windows, u=u)) <= most
+        moved = replace(windows, u=u)
+        return fitter.objective_with(trial, fit.model, moved, fit.freedoms) <= most
 
     here = int(np.searchsorted(times, windows.t[marked].min()))
     low, high = (_last(is_possible, here, end) for end in (0, len(times) - 1))

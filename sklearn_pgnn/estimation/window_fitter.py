@@ -32,7 +32,7 @@ from sklearn_pgnn.estimation.squares_left import squares_by_output, white_square
 from sklearn_pgnn.estimation.unusable import FailureLog, Unusable, note_fit, tolerate_failures
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, lost_fit
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: name of the fits for cross-validation in reports of failures
@@ -190,31 +190,20 @@ class WindowFitter:
         (own,) = (freedom for freedom in fit.freedoms if freedom.name == name)
         held = self.objective_with(
             trial,
-            model=fit.model.with_parameters(**{name: value}),
-            free=tuple(freedom for freedom in fit.freedoms if freedom is not own),
+            fit.model.with_parameters(**{name: value}),
+            self.problem.windows,
+            tuple(freedom for freedom in fit.freedoms if freedom is not own),
             tolerance=small / fit.objective if fit.objective > 0 else TOLERANCE,
         )
         return held + ((value - own.centre) / own.spread) ** 2 - fit.objective
 
     def objective_with(
-        self,
-        trial: FittedHypothesis,
-        model: PhysicsModel | None = None,
-        windows: ShootingWindows | None = None,
-        free: tuple[ParameterPrior, ...] | None = None,
-        tolerance: float = TOLERANCE,
+        self, trial: FittedHypothesis, model: PhysicsModel, windows: ShootingWindows, free, **more
     ) -> float:
         """Return the objective of a fit with other values, windows or freedoms, fitted again."""
-        fit = trial.fit
+        start, tolerate = self._start(model), self._tolerate(trial.hypothesis, AWAY)
         again = self.fit_model(
-            self._tolerate(trial.hypothesis, AWAY),
-            model or fit.model,
-            windows or self.problem.windows,
-            fit.freedoms if free is None else free,
-            self._start(fit.model),
-            fit.x0,
-            max_steps=STEPS,
-            tolerance=tolerance,
+            tolerate, model, windows, free, start, trial.fit.x0, max_steps=STEPS, **more
         )
         return again.objective
 

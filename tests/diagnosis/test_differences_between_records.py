@@ -1,6 +1,7 @@
 """Records of one machine that differ: hidden, and required to be found; nothing where none do."""
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -125,14 +126,11 @@ def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
 
 
 def test_an_onset_has_no_interval_where_time_is_up(monkeypatch):
-    def end(*_):
-        raise TimeIsUp
-
-    monkeypatch.setattr(result, "onset_interval", end)
-    trial = SimpleNamespace(fit=SimpleNamespace(usable=True))
-    cause = ParameterDifference("k(in_run_1__since_5p1)")
-    found = result._onset(SimpleNamespace(progress=Progress()), trial, cause)
-    assert (found.value, found.low, found.high) == (5.1, -np.inf, np.inf)
+    monkeypatch.setattr(result, "onset_interval", Mock(side_effect=TimeIsUp))
+    fitter, fit = SimpleNamespace(progress=Progress()), SimpleNamespace(usable=True)
+    late = ParameterDifference("k(in_run_1__since_5p1)")
+    onset = result._onset(fitter, SimpleNamespace(fit=fit), late)
+    assert (onset.value, onset.low, onset.high) == (5.1, -np.inf, np.inf)
 
 
 @pytest.mark.parametrize(("since", "said"), [(97080.0, "97080"), (3.5561, "3.556"), (0.25, "0.25")])

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter
+from disturbed_cart import CART, drive
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
@@ -57,18 +57,10 @@ def test_a_falling_ball_with_drag_has_no_spring_with_memory():
     assert [cause.effect for cause in found.causes_] == ["viscous_friction"]
 
 
-def judged_branch(rig, push):
+def judged_branch(rig, disturbance):
     """Return no cause, a creeping spring beside the cart's own, and the rule that judges it."""
-    cart = systems.cart_on_spring()
-    rng, t = np.random.default_rng(1), 0.02 * np.arange(1000)
-    X, y = [], []
-    for i in range(4):
-        force = 20 * np.sin((1.0 + 0.3 * i) * t) + 10 * np.sin((3.1 + i) * t)
-        x = rig.simulate(t, force + push(rng, t), substeps=4).y[:, 0]
-        X.append(pd.DataFrame({"trajectory": i, "t": t, "force": force}))
-        y.append(x + 1e-4 * rng.normal(size=t.size))
-    records = read_records(cart, pd.concat(X), np.concatenate(y))
-    fitter = HypothesisFitter(build_problem(cart, records))
+    records = read_records(CART, *drive(rig, disturbance, noise=1e-4))
+    fitter = HypothesisFitter(build_problem(CART, records))
     branch = fitter.first_fit(fitter.subsample(fitter.base()), effects.MaxwellBranch("v"))
     found = fitter.polish(fitter.fit_all(fitter.converge(branch), fitter.base()))
     return fitter.base(), found, Comparison(fitter, SelectionCriterion(0.01, 0.01, 50))
@@ -76,11 +68,7 @@ def judged_branch(rig, push):
 
 def test_a_slow_force_from_outside_is_no_spring_that_creeps():
     """The branch explains much, by what it begins with in every window: it may not creep."""
-
-    def wanders(rng, t):
-        return 0.06 * lfilter([1.0], [1.0, -0.98], rng.normal(size=t.size))
-
-    none, found, compare = judged_branch(systems.cart_on_spring(), wanders)
+    none, found, compare = judged_branch(CART, disturbance=0.1)
     assert compare.evidence(none, found) > compare.criterion.to_name
     assert compare.only_begins(none, found)
     assert not compare.names(none, found)
@@ -88,8 +76,8 @@ def test_a_slow_force_from_outside_is_no_spring_that_creeps():
 
 
 def test_a_spring_that_creeps_within_a_window_is_named():
-    rig = systems.cart_on_spring() + effects.MaxwellBranch("v", 30.0, 0.15)
-    none, found, compare = judged_branch(rig, lambda rng, t: 0.0)
+    rig = CART + effects.MaxwellBranch("v", 6.0, 0.15)
+    none, found, compare = judged_branch(rig, disturbance=0.0)
     assert not compare.only_begins(none, found)
     assert compare.names(none, found)
     assert compare.refutes(found, none)

@@ -255,14 +255,10 @@ def test_what_divides_a_rate_may_depend_on_its_own_store_and_a_lag_on_its_input(
     for current in (-3.0, 2.0):
         known = (1.0 - 2.0 * current - 0.5) * (1 + 0.4 * current**2) / 0.05
         assert float(rate.subs(at | {i: current})) == pytest.approx(known)
-
-
-@pytest.mark.parametrize("other", [effects.SensorLag("current", 0.01), effects.Leak("i", 3.0)])
-def test_a_coil_saturates_alike_whatever_is_found_before_it(other):
-    """The law is the store's, neither what measures it nor what else acts there."""
-    iron = effects.ParameterSaturation("L(i)", bend=0.4)
-    first, last = ((COIL + a + b).equations["i"] for a, b in ((iron, other), (other, iron)))
-    assert sympy.simplify(first - last) == 0
+    law = effects.ParameterSaturation("L(i)", bend=0.4)
+    for other in (effects.SensorLag("current", 0.01), effects.Leak("i", 3.0)):  # in either order
+        first, last = (model.equations["i"] for model in (COIL + law + other, COIL + other + law))
+        assert sympy.simplify(first - last) == 0
 
 
 def test_a_temperature_of_surroundings_depends_on_no_temperature():

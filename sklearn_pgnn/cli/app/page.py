@@ -9,6 +9,7 @@ from sklearn_pgnn.cli.app.forms import choices_of
 from sklearn_pgnn.cli.app.visitor import Visitor
 from sklearn_pgnn.cli.app.work import RECORD_BYTES
 from sklearn_pgnn.cli.options import SYSTEMS
+from sklearn_pgnn.inspection.report.page import templates_of
 
 #: the pieces, in the order in which one comes to them
 PIECES = ("model", "records", "columns", "seen", "work", "result")
@@ -16,7 +17,7 @@ PIECES = ("model", "records", "columns", "seen", "work", "result")
 
 def render(name: str, **content) -> str:
     """Return a template of the page, filled with its content."""
-    return _room().get_template(name).render(**content)
+    return templates_of(source).get_template(name).render(**content)
 
 
 @cache
@@ -36,21 +37,6 @@ def of_report(name: str) -> str:
     """Return a file of the report unchanged."""
     folder = files("sklearn_pgnn").joinpath("inspection", "report", "templates")
     return folder.joinpath(name).read_text(encoding="utf-8")
-
-
-@cache
-def _room():
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    room = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        loader=FunctionLoader(source),
-    )
-    room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
-    return room
 
 
 def page(visitor: Visitor) -> str:

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import re
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,8 @@ from sklearn_pgnn.inspection.report.provenance import Provenance
 from sklearn_pgnn.whole_file import write_whole
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
+
     from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 TEMPLATES = "templates"
@@ -105,20 +108,28 @@ def render_report(
 
 def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
     """Render a template."""
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import escape
 
-    room = Environment(
+    templates = templates_of(source)
+    templates.finalize = lambda value: MINUS.sub("\u2212", value) if type(value) is str else value
+    templates.filters["as_it_is"] = escape  # hyphens stay what they are, to be copied
+    return templates.get_template(name).render(**content)
+
+
+@cache
+def templates_of(source: Callable[[str], str]) -> Environment:
+    """Return the templates whose text a function gives by name."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    templates = Environment(
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         loader=FunctionLoader(source),
-        finalize=lambda value: MINUS.sub("\u2212", value) if type(value) is str else value,
     )
-    room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
-    room.filters["as_it_is"] = escape  # hyphens stay what they are, to be copied
-    return room.get_template(name).render(**content)
+    templates.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
+    return templates
 
 
 def digest(text: str) -> str:
