@@ -283,8 +283,8 @@ class MaxwellBranch(PositionEffect):
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Keep the creep slower than a sample, and within a window: beyond it is a spring."""
-        return {"time_constant": (scales.sample_time, scales.window)}
+        """Stay between one sample and what two windows can show: beyond it is a spring."""
+        return {"time_constant": (scales.sample_time, 2.0 * scales.window)}
 
 
 @dataclass(frozen=True)
