@@ -149,7 +149,7 @@ class Comparison:
             and leaves_something(problem, with_, cause, alpha)
             and says_more_than_bounds(self.fitter, with_, cause)
             and reads_noise_at_limits(problem, with_, cause)
-            and not only_begins(problem, with_, cause)
+            and not only_begins(problem, with_, cause, alpha)
             for cause in causes
         )
 
@@ -243,7 +243,8 @@ class Comparison:
     def only_begins(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
         """Return whether the states of a cause that only the second has do nothing but begin."""
         causes = own_causes(without, with_)
-        return any(only_begins(self.fitter.problem, with_, cause) for cause in causes)
+        problem, alpha = self.fitter.problem, self.criterion.alpha
+        return any(only_begins(problem, with_, cause, alpha) for cause in causes)
 
     def runs_surely_worse(self, than: FittedHypothesis, trial: FittedHypothesis) -> bool:
         """Return whether a free run is worse by more than chance and what its fit's errors add."""

@@ -193,18 +193,27 @@ def leaves_something(
     return all(value[each.name] - each.low > needed * error[each.name] for each in free)
 
 
-def only_begins(problem: EstimationProblem, trial: FittedHypothesis, cause: Effect) -> bool:
-    """Return whether the states of a cause do nothing but begin.
+def only_begins(
+    problem: EstimationProblem, trial: FittedHypothesis, cause: Effect, alpha: float
+) -> bool:
+    r"""Return whether the states of a cause may do nothing but begin.
 
-    The fit wants a longer time constant than any that is considered, a window or more: what the
-    state holds stays as it begins in every window, and may stand for any slow force.
+    .. math:: T + z_{1 - \alpha}\, \sigma_T \ge T_\mathrm{max}
+
+    with the fitted time constant, its standard error and the longest that is considered, a window
+    or more: what such a state holds stays as it begins in every window, and may stand for any slow
+    force.
     """
-    model, own = trial.fit.model, cause.names()
+    own, longest = cause.names(), problem.scales.window
     times = {own[q.name] for q in cause.quantities() if q.metadata["unit"] == "s"}
-    times -= set(model.delays.values())
-    ends = {each.name: each.high for each in trial.fit.freedoms if each.name in times}
-    longest = problem.scales.window
-    return any(model.parameters[n].value >= end >= longest for n, end in ends.items())
+    times -= set(trial.fit.model.delays.values())
+    free = [each for each in trial.fit.freedoms if each.name in times and each.high >= longest]
+    if not free:
+        return False
+    error = standard_errors(trial.fit, *_expected_starts(problem, trial))
+    value = {each.name: trial.fit.model.parameters[each.name].value for each in free}
+    beyond = norm.ppf(1.0 - alpha)
+    return any(value[each.name] + beyond * error[each.name] >= each.high for each in free)
 
 
 def says_more_than_bounds(fitter: WindowFitter, trial: FittedHypothesis, cause: Effect) -> bool:

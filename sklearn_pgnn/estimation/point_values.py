@@ -6,19 +6,21 @@ from functools import reduce
 import numpy as np
 import sympy
 
+from sklearn_pgnn.physics.external import External
+
 
 def values_at(
     expressions: Sequence[sympy.Expr], points: Mapping[sympy.Symbol, np.ndarray | float], count: int
 ) -> np.ndarray:
     """Evaluate expressions at points."""
-    known = {s: np.broadcast_to(np.asarray(v, dtype=float), (count,)) for s, v in points.items()}
-    values = np.full((len(expressions), count), np.nan)
+    at = {s: np.broadcast_to(np.asarray(v, dtype=float), (count,)) for s, v in points.items()}
+    known, values = dict(at), np.full((len(expressions), count), np.nan)
     for row, expression in zip(values, expressions, strict=True):
         with np.errstate(all="ignore"):
             found = _evaluate(expression, known)
         row[:] = np.nan if found is None else found
         for place in np.flatnonzero(~np.isfinite(row)):
-            point = {s: sympy.Float(float(v[place])) for s, v in known.items()}
+            point = {s: sympy.Float(float(v[place])) for s, v in at.items()}
             row[place] = number_at(expression, point)
     return values
 
@@ -32,16 +34,19 @@ def number_at(expression: sympy.Expr, point: Mapping[sympy.Symbol, sympy.Float])
 
 
 def _evaluate(expression, known):
-    """Evaluate an expression whose functions are all in the table; None for any other."""
+    """Evaluate an expression of functions in the table or outside, noting it; None for any other.
+
+    What is shared by expressions is evaluated once.
+    """
     if expression in known:
         return known[expression]
     if not expression.args:
         return float(expression) if expression.is_Number or expression.is_NumberSymbol else None
-    values = [_evaluate(part, known) for part in expression.args]
-    function = _FUNCTIONS.get(type(expression))
-    if function is None or any(value is None for value in values):
-        return None
-    return function(*values)
+    values, kind = [_evaluate(part, known) for part in expression.args], type(expression)
+    function = kind._imp_ if issubclass(kind, External) else _FUNCTIONS.get(kind)
+    is_known = function is not None and all(value is not None for value in values)
+    known[expression] = function(*values) if is_known else None
+    return known[expression]
 
 
 def _chain(of: Callable) -> Callable:
