@@ -79,8 +79,10 @@ class Findings:
     @property
     def remaining(self) -> Remaining:
         """What is left of the records with the causes."""
-        share = self.search.criterion.smallest_share
-        return describe_remaining(self.search.fitter, self.result.final, self.structure, share)
+        search = self.search
+        return describe_remaining(
+            search.fitter, self.result.final, self.structure, search.criterion
+        )
 
     @property
     def verdict(self) -> str:

@@ -1,5 +1,6 @@
 """The verdict in two parts: what is missing, and what is left."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,6 +9,7 @@ from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.budgets import MUCH
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 
@@ -40,6 +42,9 @@ class Remaining:
     predicts_nothing : bool, default=False
         Whether over windows no output is predicted better than is possible without a model, by
         carrying on as at their start.
+    in_free_run : dict of str to float
+        Held-out error in free run that the errors of the fit do not explain, as a multiple of the
+        noise, of the outputs whose free run is informative.
 
     Examples
     --------
@@ -52,31 +57,44 @@ class Remaining:
     times_noise: dict[str, float]
     law: Structure = field(default_factory=Structure)
     predicts_nothing: bool = False
+    in_free_run: dict[str, float] = field(default_factory=dict)
 
     @property
     def is_much(self) -> bool:
         """Whether more than twice the noise of some output is left, and not only white noise."""
-        return self.kind != "noise" and any(
-            not times <= MUCH for times in self.times_noise.values()
-        )
+        over_windows = self.times_noise if self.kind != "noise" else {}
+        left = (*over_windows.values(), *self.in_free_run.values())
+        return any(not times <= MUCH for times in left)
 
 
 def describe_remaining(
     fitter: HypothesisFitter,
     final: FittedHypothesis,
     structure: Structure | None,
-    smallest_share: float,
+    criterion: SelectionCriterion,
 ) -> Remaining:
     """Describe the residuals that a hypothesis leaves; None for a structure that was not tested."""
     left, white = fitter.squares_by_output(final), fitter.white_squares(final)
-    found = fitter.held_out(final).windows
-    times = np.sqrt(found.squares / np.where(found.counts > 0, found.counts, np.nan))
-    named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
-    white_only = bool((left - white <= smallest_share * left).all())
-    nothing = fitter.predicts_nothing(final, smallest_share)
+    found, share = fitter.held_out(final), criterion.smallest_share
+    nothing = fitter.predicts_nothing(final, share)
+    kind, law = "disturbance", Structure()
     if structure is not None and structure.is_significant:
-        return Remaining("structure", named, structure, nothing)
-    return Remaining("noise" if white_only else "disturbance", named, Structure(), nothing)
+        kind, law = "structure", structure
+    elif (left - white <= share * left).all():
+        kind = "noise"
+    over_windows = _times_noise(fitter, found.windows.squares, found.windows.counts)
+    unexplained = np.maximum(found.beyond_uncertainty(criterion.alpha), 0.0)
+    counts = np.where(found.tells, found.free_run.counts, 0.0)
+    in_free_run = _times_noise(fitter, unexplained, counts)
+    return Remaining(kind, over_windows, law, nothing, in_free_run)
+
+
+def _times_noise(
+    fitter: HypothesisFitter, squares: np.ndarray, counts: np.ndarray
+) -> dict[str, float]:
+    """Return the root mean square of every output that has some."""
+    each = zip(fitter.problem.prior.outputs, squares.tolist(), counts.tolist(), strict=True)
+    return {output: math.sqrt(total / n) for output, total, n in each if n > 0.0}
 
 
 def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) -> str:

@@ -5,6 +5,7 @@ import math
 
 from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.structure import Structure
+from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
@@ -113,11 +114,16 @@ def _together(said: str, causes: str, diagnosis) -> str:
 
 def _nothing_found(diagnosis) -> str:
     """Return that much is left, and that nothing that was tried explains it."""
-    said = (
-        f"No effect of the catalogue improves the {_the_model(diagnosis)}; but after re-tuning it "
-        f"leaves {_left(over_windows(diagnosis), 'refitted')}."
-    )
-    return f"{said} {_in_free_run(diagnosis)}".strip()
+    left = _left(over_windows(diagnosis), "refitted") + much_in_free_run(diagnosis)
+    said = f"No effect of the catalogue improves the {_the_model(diagnosis)}; but after re-tuning"
+    return f"{said} it leaves {left}. {_in_free_run(diagnosis)}".strip()
+
+
+def much_in_free_run(diagnosis) -> str:
+    """Return where far more is left in free run than the errors of the fit explain, if it is."""
+    left = diagnosis.remaining_.in_free_run
+    much = [f"{times(x)} {_of(o, 'the noise', left)}" for o, x in left.items() if not x <= MUCH]
+    return f", and in free run {listed(much)}" if much else ""
 
 
 def _adequate(diagnosis) -> str:
@@ -157,7 +163,7 @@ def remaining_sentence(diagnosis) -> str:
     """Return a sentence on the remaining residuals: noise, a disturbance or structure."""
     remaining = diagnosis.remaining_
     if remaining.kind == "noise":
-        return "What is left is white noise."
+        return f"What is left is white noise{much_in_free_run(diagnosis)}."
     errors = {output: e.extended for output, e in over_windows(diagnosis).items()}
     much = listed(
         f"{times(x)} the white noise of {output}"
@@ -183,6 +189,7 @@ def _disturbance(diagnosis, much: str) -> str:
     if diagnosis.discrepancy_ is not None:
         return f"What is left without the formula is more than noise ({much}); it explains most."
     if diagnosis.remaining_.is_much:
+        much += much_in_free_run(diagnosis)
         return (
             f"What is left is more than noise ({much}), and no law that was tried predicts it "
             f"beyond chance from what was recorded, neither as it is nor as it was before: "

@@ -9,6 +9,8 @@ import pytest
 from sklearn_pgnn.cli.screen import COLOURS
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.diagnosis.verdict import VERDICTS, Remaining, describe_remaining, verdict_of
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.inspection import words
 from sklearn_pgnn.inspection.report import finding
 
@@ -17,11 +19,11 @@ pytestmark = pytest.mark.core
 SHARE = 0.05
 
 
-def described(left, white, structure=None, nothing=False):
+def described(left, white, structure=None, nothing=False, free_run=(0, 0), uncertain=(0, 0)):
     """Describe what is left of two outputs, given its squares and their white part."""
-    held_out = SimpleNamespace(
-        windows=SimpleNamespace(squares=np.array(left, dtype=float), counts=np.array(white))
-    )
+    counts, times = np.array(white, dtype=float), np.ones(2)
+    windows, whole = (Residuals(np.array(s, dtype=float), counts, times) for s in (left, free_run))
+    held_out = HeldOut(windows, whole, 0.0, np.ones((1, 1, 2)), uncertain=np.array(uncertain))
     fitter = SimpleNamespace(
         held_out=lambda trial: held_out,
         predicts_nothing=lambda trial, smallest_share: nothing,
@@ -29,7 +31,18 @@ def described(left, white, structure=None, nothing=False):
         white_squares=lambda trial: np.array(white, dtype=float),
         problem=SimpleNamespace(prior=SimpleNamespace(outputs={"x": "x", "y": "y"})),
     )
-    return describe_remaining(fitter, None, structure, SHARE)
+    return describe_remaining(fitter, None, structure, SelectionCriterion(0.01, SHARE, 50))
+
+
+@pytest.mark.parametrize(("uncertain", "much"), [(0, True), (400, False)])
+def test_a_free_run_far_from_the_records_is_not_adequate_unless_the_fit_is_as_uncertain(
+    uncertain, much
+):
+    remaining = described((100, 100), (100, 100), free_run=(900, 100), uncertain=(uncertain, 0))
+    assert remaining.kind == "noise"
+    assert remaining.is_much == much
+    verdict = verdict_of(search_result([]), remaining, has_formula=False)
+    assert verdict == ("nothing_found" if much else "model_adequate")
 
 
 @pytest.mark.parametrize(

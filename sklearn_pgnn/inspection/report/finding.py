@@ -57,8 +57,9 @@ def cause_with_size(cause) -> str:
 
 
 def _nothing_found(diagnosis) -> str:
-    left = times(max(errors.extended for errors in over_windows(diagnosis).values()))
-    return f"no cause of the catalogue; {left} the noise is left"
+    errors = (errors.extended for errors in over_windows(diagnosis).values())
+    left = max(*errors, *diagnosis.remaining_.in_free_run.values())
+    return f"no cause of the catalogue; {times(left)} the noise is left"
 
 
 def _so_far(diagnosis) -> str:
