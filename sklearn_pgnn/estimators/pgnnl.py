@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import numpy as np
@@ -14,16 +15,15 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import ArrayLike, Column, RandomState, Table
-from sklearn_pgnn.estimators.network.batches import TensorBatches
+from sklearn_pgnn.estimators.network.batches import TensorBatches, own_random_numbers
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_run import ready_to_run
-from sklearn_pgnn.estimators.network.pieces import PieceRuns
+from sklearn_pgnn.estimators.network.physics_loss import as_terms
 from sklearn_pgnn.estimators.network.prepared_net import PreparedNet
-from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
 from sklearn_pgnn.estimators.network.sample_interval import (
     holds_at_one_interval,
     parts_of_a_step,
 )
+from sklearn_pgnn.estimators.network.step_network import piece_run, ready_to_run
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import SimulationWarning
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 with needed_by("PGNNLRegressor"):
     import torch
+    from skorch.callbacks import BatchScoring
     from torch import nn
 
 
@@ -492,9 +493,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 f"{type(self.module_.core).__name__}. Remedy: module=FeedForward."
             )
         runs = self._read_ready(X, y)
-        pieces = PieceRuns(self.module_.core, self.step_)
+        along = piece_run(self.module_.core, self.step_)
         machines = [
-            Machine(record, ready.x0, pieces.along(ready, kept))
+            Machine(record, ready.x0, partial(along, ready, kept))
             for record, ready, kept in zip(runs.records, runs.ready, runs.kept, strict=True)
         ]
         outputs = predict_ahead(machines, steps, self.noise_)[1]
@@ -528,9 +529,19 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             If there is no physical term: no model, or no energy.
         """
         check_is_fitted(self)
-        loss = self._bound_loss()
+        loss = self._physics
+        if loss is None:
+            as_terms(self.physics_loss, self.model)
+            raise ValueError(
+                "physics_residual: expected a model with 'energy', or physics_loss, got neither. "
+                "Remedy: give one of them before fit."
+            )
         runs = self._free_runs(X) if states is None else self._read_ready(X)
-        given = None if states is None else self._check_states(X, states)
+        given, shape = None, (len(X), len(self.model_.states))
+        if states is not None:
+            given = np.asarray(states, dtype=float)
+            if given.shape != shape:
+                raise ValueError(f"states: expected shape {shape}, got {given.shape}.")
         trained = {name: each.value for name, each in self.parameters_.items()}
         trained |= self.dissipation_
         found = []
@@ -549,12 +560,6 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 columns[1:, j] = h[:, 0] if h.shape[1] == 1 else np.sqrt(np.mean(h**2, axis=1))
             found.append(columns)
         return rows_in_order(runs.records, np.concatenate(found))
-
-    def _check_states(self, X, states) -> np.ndarray:
-        states, shape = np.asarray(states, dtype=float), (len(X), len(self.model_.states))
-        if states.shape != shape:
-            raise ValueError(f"states: expected shape {shape}, got {states.shape}.")
-        return states
 
     def stepper(self, x0: ArrayLike | None = None, interval: float | None = None) -> Stepper:
         """Return the network as a single step with its state, for a real-time loop.
@@ -617,7 +622,12 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             core = self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))
             if has_time:
-                self._check_refinement(core)
+                refines = self.refine not in ("auto", None) and self.refine_max_iter
+                if refines and type(core) is not FeedForward:
+                    raise ValueError(
+                        f"refine={self.refine!r} needs the core FeedForward, got "
+                        f"{type(core).__name__}. Remedy: refine=None."
+                    )
                 self._train_on_trajectories(X, y, random, anew, **fit_params)
             else:
                 self._train_on_rows(X, y, anew, **fit_params)
@@ -656,7 +666,11 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         training, windows = self._prepare_training(X, y, random, anew)
         if anew:
             self.initialize()
-        self._check_callbacks()
+        if any(isinstance(part, BatchScoring) for _, part in self.callbacks_):
+            raise ValueError(
+                "callbacks: BatchScoring scores batches of rows, but a batch of trajectories holds "
+                "windows of them. Remedy: EpochScoring."
+            )
         self._free_parameters(windows)
         self.module_.samples, self.module_.free = windows.samples, self._free
         self.notify("on_train_begin", X=X, y=y)

@@ -150,6 +150,16 @@ def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None,
     )
 
 
+def samples_of(t: np.ndarray, acting: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what the model's own steps need of samples: time, step, inputs at both its ends."""
+    return {
+        "t": t,
+        "dt": np.append(np.diff(t), 0.0),
+        "acting": acting,
+        "acting_next": np.vstack([acting[1:], acting[-1:]]),
+    }
+
+
 def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hidden=None):
     """Run a network in free run along a trajectory.
 

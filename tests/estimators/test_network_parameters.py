@@ -12,7 +12,7 @@ pytest.importorskip("torch")
 from sklearn.base import clone
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModel
-from sklearn_pgnn.estimators.network.free_run import weights_of
+from sklearn_pgnn.estimators.network.step_network import weights_of
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 
 MASS = PhysicsModel(

@@ -9,18 +9,22 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModel, make_pgnn_pipeline, network, systems
-from sklearn_pgnn.estimators.network.balance import FORGETTING, balanced_lambda
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_run import step_with, weights_of
 from sklearn_pgnn.estimators.network.least_squares import (
     SimulationObjective,
     l_bfgs,
     levenberg_marquardt,
 )
-from sklearn_pgnn.estimators.network.physics_loss import Motion, PhysicsLoss, as_terms
+from sklearn_pgnn.estimators.network.physics_loss import (
+    FORGETTING,
+    Motion,
+    PhysicsLoss,
+    as_terms,
+    balanced_lambda,
+)
 from sklearn_pgnn.estimators.network.records import TrainingRecord
-from sklearn_pgnn.estimators.network.step_network import StepNetwork
-from sklearn_pgnn.estimators.network.structure import base_of, gain_of
+from sklearn_pgnn.estimators.network.step_network import StepNetwork, step_with, weights_of
+from sklearn_pgnn.estimators.network.structure import BASE_OF, gain_of
 from sklearn_pgnn.simulation.network_run import NetworkStep, network_record
 
 CART = systems.cart_on_spring()
@@ -216,7 +220,7 @@ def problem(terms, lambda_phy, *, structure="correction", n=40, stride=1):
     y = x[:, :1] + 0.001 * rng.normal(size=(n, 1))
     some = rng.normal(size=(3, 8, 2))
     step = NetworkStep(
-        CART, base_of(structure), None, np.zeros(2), gain_of(CART, structure, *some, np.ones(8)),
+        CART, BASE_OF[structure], None, np.zeros(2), gain_of(CART, structure, *some, np.ones(8)),
         np.zeros(3), np.array([0.1, 0.5, 2.0]), np.array([[-1e3], [1e3]]) * np.ones(2),
     )  # fmt: skip
     torch.manual_seed(0)

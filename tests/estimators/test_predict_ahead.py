@@ -13,8 +13,8 @@ from sklearn_pgnn import (
     SINDYcRegressor,
     network,
 )
-from sklearn_pgnn.estimators.network import free_run
-from sklearn_pgnn.estimators.network.pieces import PieceRuns
+from sklearn_pgnn.estimators.network import step_network
+from sklearn_pgnn.estimators.network.step_network import piece_run
 
 CART = PhysicsModel(
     {"x": "m", "v": "m/s"},
@@ -121,8 +121,8 @@ def test_the_noise_is_that_of_the_training():
 
 def test_a_network_is_prepared_once_for_all_pieces(monkeypatch):
     net, read = PGNNLRegressor(CART, **QUICK).fit(X, Y), []
-    of = free_run.weights_of
-    monkeypatch.setattr(free_run, "weights_of", lambda core: read.append(core) or of(core))
+    of = step_network.weights_of
+    monkeypatch.setattr(step_network, "weights_of", lambda core: read.append(core) or of(core))
     net.predict_ahead(X, Y)
     assert len(read) == 1
 
@@ -134,8 +134,8 @@ def test_outputs_of_a_network_ahead_are_those_of_its_prediction():
     free = net.predict(X)
     assert net.predict_ahead(X, y, steps=50) == pytest.approx(free, rel=1e-12, abs=1e-15)
     runs = net._read_ready(X, y)
-    run = PieceRuns(net.module_.core, net.step_).along(runs.ready[0], runs.kept[0])
-    states, outputs = run(0, 1, runs.ready[0].x0)
+    along = piece_run(net.module_.core, net.step_)
+    states, outputs = along(runs.ready[0], runs.kept[0], 0, 1, runs.ready[0].x0)
     rows = runs.records[0].rows[:2]
     assert outputs == pytest.approx(free[rows], rel=1e-12, abs=1e-15)
     assert states == pytest.approx(net.predict_states(X)[rows], rel=1e-12, abs=1e-15)

@@ -10,9 +10,13 @@ from hypothesis import strategies as st
 
 from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.dissipation import dissipated
-from sklearn_pgnn.estimators.network.free_run import run_core, step_with, weights_of
-from sklearn_pgnn.estimators.network.step_network import StepNetwork
+from sklearn_pgnn.estimators.network.step_network import (
+    StepNetwork,
+    ready_to_run,
+    step_with,
+    weights_of,
+)
+from sklearn_pgnn.estimators.network.torch_functions import dissipated
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_model
 from sklearn_pgnn.simulation.network_run import (
     NetworkSensitivities,
@@ -99,7 +103,7 @@ def test_a_free_run_stores_no_more_than_the_models_steps_do(size, lossy, guide, 
     rng = np.random.default_rng(seed)
     step = step_of(lossy, guide, rng)
     record = record_of(rng)
-    x, failed = run_core(core_for(step, seed, size), step, record)
+    x, failed = ready_to_run(core_for(step, seed, size), step)(record)
     assert failed == -1
     for k in range(len(x) - 1):
         two = slice(k, k + 2)
@@ -124,7 +128,7 @@ def test_torch_and_the_compiled_loop_agree(lossy, guide):
     rng = np.random.default_rng(1)
     step, record = step_of(lossy, guide, rng), record_of(rng, guide)
     core = core_for(step)
-    x, failed = run_core(core, step, record)
+    x, failed = ready_to_run(core, step)(record)
     samples = {
         "t": record.t,
         "dt": np.append(np.diff(record.t), 0.0),

@@ -17,9 +17,13 @@ from hypothesis import strategies as st
 import sklearn_pgnn
 from sklearn_pgnn import effects, systems
 from sklearn_pgnn.estimators.network.cores import FeedForward, Recurrent
-from sklearn_pgnn.estimators.network.free_run import run_core, step_with, weights_of
-from sklearn_pgnn.estimators.network.step_network import StepNetwork, _PriorStep
-from sklearn_pgnn.estimators.network.structure import base_of, gain_of
+from sklearn_pgnn.estimators.network.step_network import (
+    StepNetwork,
+    ready_to_run,
+    step_with,
+    weights_of,
+)
+from sklearn_pgnn.estimators.network.structure import BASE_OF, gain_of
 from sklearn_pgnn.simulation.network_run import (
     ACTIVATIONS,
     NetworkSensitivities,
@@ -69,7 +73,7 @@ def step_of(model, structure, guide, rng, *, hold="zoh", substeps=2):
     n_in = nx + nu + width_of(guide, model) + N_FEATURES
     some = rng.normal(size=(3, 8, nx))
     return NetworkStep(
-        model, base_of(structure), guide, rng.normal(size=nx),
+        model, BASE_OF[structure], guide, rng.normal(size=nx),
         gain_of(model, structure, *some, np.full(8, 0.5)),
         rng.normal(size=n_in), rng.uniform(0.5, 2, n_in),
         np.array([[-1e3], [1e3]]) * np.ones(nx), substeps=substeps, hold=hold,
@@ -151,7 +155,7 @@ def test_three_loops_agree(structure, guide, kind):
         step = step_of(HARDENING, structure, guide, rng, hold=hold)
         record = bare(record_of(HARDENING, rng, hold=hold), step)
         core = core_for(step, kind)
-        x, failed = run_core(core, step, record)
+        x, failed = ready_to_run(core, step)(record)
         assert failed == -1
         assert np.ptp(x[5:], axis=0).min() > 1e-7
         assert x == pytest.approx(by_torch(core, step, record), rel=1e-10, abs=1e-10)
@@ -166,7 +170,7 @@ def test_deep_and_narrow_networks_agree():
     for neurons, layers in ((1, 1), (1, 4), (40, 1)):
         torch.manual_seed(neurons)
         core = FeedForward(len(step.mean), 1, neurons=neurons, layers=layers).double()
-        x = run_core(core, step, record)[0]
+        x = ready_to_run(core, step)(record)[0]
         assert x == pytest.approx(by_torch(core, step, record), rel=1e-10, abs=1e-10)
 
 
@@ -191,7 +195,7 @@ def test_any_network_is_followed_or_flagged(structure, guide, layers, neurons, s
     with torch.no_grad():
         for weight in core.parameters():
             weight.mul_(10 * size)
-    x, failed = run_core(core, step, record)
+    x, failed = ready_to_run(core, step)(record)
     expected = by_torch(core, step, record)
     outside = np.any(~(np.abs(expected) <= 1e3), axis=1)
     assert failed == (int(np.argmax(outside)) if outside.any() else -1)
@@ -276,7 +280,7 @@ def test_one_sample_is_its_own_start():
     step = step_of(CART, "correction", None, rng)
     record = bare(record_of(CART, rng, n=1), step)
     for kind in ("tanh", "recurrent"):
-        x, failed = run_core(core_for(step, kind), step, record)
+        x, failed = ready_to_run(core_for(step, kind), step)(record)
         assert failed == -1
         assert np.array_equal(x, record.x0[None])
 
@@ -366,7 +370,7 @@ def test_gradient_of_the_models_own_step(model, hold):
     record = record_of(model, rng, n=6, hold=hold, size=0.3)
     network, window = as_module(core_for(step, "tanh"), step, record)
     x = torch.as_tensor(rng.uniform(1, 2, (5, 2))).requires_grad_()
-    assert torch.autograd.gradcheck(lambda x: _PriorStep.apply(x, window["index"][0], network), x)
+    assert torch.autograd.gradcheck(lambda x: network.prior(x, window["index"][0]), x)
 
 
 def test_steps_of_the_model_are_its_simulation():

@@ -17,6 +17,7 @@ from sklearn_pgnn.simulation.network_run import (
     NetworkStep,
     network_record,
     prior_steps,
+    samples_of,
     term_values,
 )
 from sklearn_pgnn.simulation.record_windows import (
@@ -139,16 +140,6 @@ def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
     return measured | ((before < place) & (place < after) & (t[after] - t[before] <= bridged))
 
 
-def unmeasured_record(model: PhysicsModel, record, ready: NetworkRecord, **options):
-    """Return a trajectory without measurements, with the model's simulation as its states.
-
-    No error is taken from it. `ready` is the trajectory as the network sees it; `options` are those
-    of the simulation.
-    """
-    x = open_loop(model, record, **options)
-    return TrainingRecord(ready, x, record.y, told=np.zeros(len(x), dtype=bool))
-
-
 def split_for_validation(records: list[TrainingRecord], share: float, random):
     """Hold out whole trajectories, or the end of every trajectory where there are few.
 
@@ -205,12 +196,7 @@ class TrainingWindows:
         self.simulated = np.concatenate([part.simulated for part in parts])
         self.features = np.concatenate([part.features for part in parts])
         acting = np.concatenate([part.acting for part in parts])
-        self.samples = {
-            "t": self.t,
-            "dt": np.append(np.diff(self.t), 0.0),
-            "acting": acting,
-            "acting_next": np.vstack([acting[1:], acting[-1:]]),
-        }
+        self.samples = samples_of(self.t, acting)
         told = np.concatenate([each.is_told for each in records])
         k = self.starts(1, 1)
         self.pairs = k[told[k] & told[k + 1]]
@@ -236,6 +222,17 @@ class TrainingWindows:
         return np.concatenate(
             [np.arange(a, a + n - length, stride) for a, n in zip(begin, self.lengths, strict=True)]
         ).astype(int)
+
+    def features_of(self, guide: str | None, rows: np.ndarray) -> np.ndarray:
+        """Return what a network with a guide sees at the first samples of some steps."""
+        seen, after = [self.seen[rows], self.u[rows]], rows + 1
+        if guide == "simulation":
+            seen.append(self.simulated[after])
+        elif guide == "step":
+            seen.append((self.prior[rows] - self.x[rows]) / self.samples["dt"][rows, None])
+        elif guide == "terms":
+            seen.append(self.terms[rows])
+        return np.hstack([*seen, self.features[after]])
 
     def motion(self) -> Motion:
         """Return the measured motion from each sample to the next."""
