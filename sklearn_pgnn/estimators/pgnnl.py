@@ -25,7 +25,11 @@ from sklearn_pgnn.estimators.network.sample_interval import (
 )
 from sklearn_pgnn.estimators.network.step_network import piece_run, ready_to_run
 from sklearn_pgnn.estimators.network.stepper import Stepper
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import (
+    SimulatingMixin,
+    one_simulation_warning,
+)
+from sklearn_pgnn.estimators.table_names import is_timed
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
@@ -49,7 +53,7 @@ with needed_by("PGNNLRegressor"):
     from torch import nn
 
 
-class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
+class PGNNLRegressor(SimulatingMixin, GapScoreMixin, MultiOutputMixin, PreparedNet):
     r"""A network in feedback, guided by a physical model and by a physical loss (PGNN-L).
 
     .. math:: L = (1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}
@@ -424,69 +428,14 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 for each, x, kept in zip(runs.ready, runs.x, runs.kept, strict=True)
             ]
             y = rows_in_order(runs.records, np.concatenate(found))
-        return y.ravel() if self._single_output else y
+        return self._shaped(y)
 
-    def predict_states(self, X: Table) -> np.ndarray:
-        """Simulate the states of every trajectory in free run from its initial state.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            States of `model_`.
-
-        Raises
-        ------
-        ValueError
-            If it was fitted to independent rows, which have no states.
-        """
-        check_is_fitted(self)
-        if self.model_ is None:
-            raise ValueError(
-                "predict_states: expected an estimator that was fitted to trajectories; "
-                "independent rows have no states."
-            )
+    def _states_of(self, X) -> np.ndarray:
         runs = self._free_runs(X)
         own = [x[kept] for x, kept in zip(runs.x, runs.kept, strict=True)]
         return rows_in_order(runs.records, np.concatenate(own))
 
-    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
-        """Predict every sample from the outputs up to `steps` samples before it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none; the state is estimated from them by a
-            Kalman filter.
-        steps : int, default=1
-            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
-            free run.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-
-        Raises
-        ------
-        OptionError
-            If `steps` is not an integer of at least 1.
-        ValueError
-            If it was fitted to independent rows, or with a core whose hidden state cannot be
-            estimated from the outputs.
-        """
-        check_is_fitted(self)
-        if self.model_ is None:
-            raise ValueError(
-                "predict_ahead: expected an estimator that was fitted to trajectories; "
-                "independent rows have no states."
-            )
+    def _outputs_ahead(self, X, y, steps: int) -> np.ndarray:
         if hasattr(self.module_.core, "at_rest"):
             raise ValueError(
                 f"predict_ahead: expected a core without a hidden state, got "
@@ -498,8 +447,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             Machine(record, ready.x0, partial(along, ready, kept))
             for record, ready, kept in zip(runs.records, runs.ready, runs.kept, strict=True)
         ]
-        outputs = predict_ahead(machines, steps, self.noise_)[1]
-        return outputs.ravel() if self._single_output else outputs
+        return predict_ahead(machines, steps, self.noise_)[1]
 
     @property
     def predict_proba(self) -> NoReturn:
@@ -617,7 +565,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         refuse_fit_params(self, {"sample_weight": fit_params.pop("sample_weight", None)})
         self._check_parameters()
         random = check_random_state(self.random_state)
-        has_time = self._has_time(X)
+        has_time = is_timed(X, self.model, self.time_column)
         with own_random_numbers(), one_thread_each() as self._threads:
             core = self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))

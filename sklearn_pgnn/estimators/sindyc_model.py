@@ -154,9 +154,3 @@ def _without_sticking(expression, base: PhysicsModel):
     """
     signs = {sympy.sign(symbol(s)): sympy.sign(sympy.tanh(symbol(s))) for s in base.states}
     return expression.xreplace(signs)
-
-
-def starting_where(model: PhysicsModel, x: np.ndarray) -> PhysicsModel:
-    """Return the model with an initial state for trajectories that do not give their own."""
-    start = {name: float(value) for name, value in zip(model.states, x, strict=True)}
-    return model.replace(initial_state=start)

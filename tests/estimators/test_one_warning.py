@@ -4,7 +4,7 @@ import warnings
 
 import pytest
 
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.exceptions import SimulationWarning
 
 

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_pgnn
 from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor, systems
-from sklearn_pgnn.estimators.parameter_search import find_parameters
+from sklearn_pgnn.estimators.parameter_search import Search, find_parameters
 from sklearn_pgnn.exceptions import FitWarning, RecordWarning, SimulationWarning
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import window_records
@@ -165,7 +165,7 @@ def test_free_run_is_the_true_machine(fitted):
 
 def test_gradient_vanishes_at_the_optimum():
     windowed = window_records(CART, read_records(CART, X, Y))
-    found = find_parameters(CART, windowed, ("m", "k", "d"), "local")
+    found = find_parameters(Search(CART, ("m", "k", "d"), "local"), windowed)
     offset = found.fit.x0 - found.expected
     normal = project(found.fit.evaluation.gram, 3, found.spread**-2.0, offset)
     gradient, hessian = normal.gradient.sum(axis=0), normal.hessian.sum(axis=0)
@@ -177,7 +177,7 @@ def test_no_other_values_fit_better(fitted):
     def left(**values):
         near = CART.with_parameters(**values)
         windowed = window_records(near, read_records(CART, X, Y), substeps=fitted.substeps_)
-        return find_parameters(near, windowed, (), "local").fit.objective
+        return find_parameters(Search(near, (), "local"), windowed).fit.objective
 
     best = {name: each.value for name, each in fitted.parameters_.items()}
     least = left(**best)

@@ -25,11 +25,12 @@ from sklearn_pgnn.estimators.sindyc import SINDYcRegressor
 from sklearn_pgnn.estimators.sindyc_library import (
     model_terms,
     read_library,
+    sparse_coefficients,
+    stepwise_least_squares,
     term_function,
     term_texts,
 )
 from sklearn_pgnn.estimators.sindyc_records import measure_states, rate_rows, step_rows
-from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepwise_least_squares
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.simulation import record_windows
 from sklearn_pgnn.simulation.simulate import simulate_records

@@ -22,7 +22,6 @@ from sklearn_pgnn.estimators.network.physics_loss import (
 from sklearn_pgnn.estimators.network.reading import (
     feature_values,
     further_columns,
-    plain_model,
     simulated_states,
     with_names,
 )
@@ -43,7 +42,8 @@ from sklearn_pgnn.estimators.network.sample_interval import (
 )
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
+from sklearn_pgnn.estimators.table_names import plain_model
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step
@@ -61,7 +61,7 @@ from sklearn_pgnn.trajectories.measured import (
     of_measured,
     warn_of_constant_outputs,
 )
-from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table, is_named, time_name
+from sklearn_pgnn.trajectories.tables import TIME, as_pandas, is_named, time_name
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
@@ -134,10 +134,6 @@ class PreparedNet(TrajectoryNet):
         """Check a table whose rows are independent."""
         targets = {} if y is None else {"y": y, "multi_output": True, "y_numeric": True}
         return validate_data(self, X, reset=reset, dtype=np.float64, **targets)
-
-    def _has_time(self, X) -> bool:
-        named = TIME in getattr(as_table(X), "columns", ())
-        return self.model is not None or named or self.time_column is not None
 
     def _named(self, X):
         """Name the columns of X where they have no names, and the one that holds the time."""

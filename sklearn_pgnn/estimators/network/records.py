@@ -7,7 +7,7 @@ import numpy as np
 from joblib import hash as hash_of
 
 from sklearn_pgnn.estimators.network.physics_loss import Motion
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import what_is_wrong

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows, spread_of
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_slopes
