@@ -78,13 +78,7 @@ def _read_entry(entry, names, degree, model) -> list[sympy.Expr]:
 
 
 def polynomial(names: Sequence[str], degree: int) -> list[sympy.Expr]:
-    """Return the monomials of the quantities up to a degree, beginning with the constant.
-
-    Examples
-    --------
-    >>> polynomial(["x", "u"], 2)
-    [1, x, u, x**2, u*x, u**2]
-    """
+    """Return the monomials of the quantities up to a degree, beginning with the constant."""
     quantities = [symbol(name) for name in names]
     return [
         sympy.Mul(*factors)

@@ -26,15 +26,6 @@ def identified_model(
     The coefficients, of shape (n_states, n_terms), are of rates, or of a map if its sample interval
     `T` [s] is given; zero where a term is left out. They are parameters such as
     ``c_omega_sin_phi``.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import systems
-    >>> cart = systems.cart_on_spring()
-    >>> terms = [symbol("x"), symbol("force")]
-    >>> print(identified_model(cart, terms, np.array([[0, 0], [-20, 0.5]])).to_text())
-    x' = v
-    v' = c_v_force*force + c_v_x*x
     """
     kept = _kept_parameters(base, with_inertia=T is None)
     taken = {*base.states, *base.inputs, *kept}

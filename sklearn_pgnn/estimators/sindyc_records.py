@@ -249,12 +249,6 @@ def steps_in_gap(t: np.ndarray, measured: np.ndarray, longest: float) -> np.ndar
     """Return which steps from sample to sample lie in a gap of a column.
 
     A time of `longest` seconds without a sample is none.
-
-    Examples
-    --------
-    >>> measured = np.array([1, 1, 0, 0, 0, 1, 0, 1], dtype=bool)
-    >>> steps_in_gap(np.arange(8.0), measured, 2.0).astype(int).tolist()
-    [0, 1, 1, 1, 1, 0, 0]
     """
     found, seen = np.zeros(t.size - 1, dtype=bool), np.flatnonzero(measured)
     if seen.size == t.size or seen.size < 2:

@@ -17,11 +17,6 @@ def apart_from(names, columns) -> list[str]:
     """Return names that no column has, so that none is mistaken for another quantity.
 
     An underscore is appended to those that a column has.
-
-    Examples
-    --------
-    >>> apart_from(["x0", "x1"], ["t", "x0"])
-    ['x0_', 'x1']
     """
     found: list[str] = []
     for name in names:
@@ -110,13 +105,6 @@ def plain_model(X: pd.DataFrame, y, time_column: str, states) -> PhysicsModel:
     Columns of X besides the time, ``trajectory`` and the states are inputs. The columns `states`
     hold the initial state: the outputs, or the outputs and then their rates; by default these, at
     rest at the first output.
-
-    Examples
-    --------
-    >>> X = pd.DataFrame({"t": [0.0, 1.0], "voltage": [1.0, 1.0]})
-    >>> print(plain_model(X, np.zeros((2, 1)), "t", None).to_text())
-    x0' = v0
-    v0' = 0
     """
     n_outputs = 1 if np.ndim(y) == 1 else np.shape(y)[1]
     named = [] if states is None else list(states)

@@ -38,15 +38,6 @@ def method_of(estimator, method: str) -> Callable:
     """Return a method of an estimator; that of a pipeline's last step behind its transformers.
 
     The method takes X first.
-
-    Examples
-    --------
-    >>> from sklearn.linear_model import Ridge
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.preprocessing import StandardScaler
-    >>> fitted = make_pipeline(StandardScaler(), Ridge()).fit([[0.0], [2.0]], [0.0, 2.0])
-    >>> method_of(fitted, "predict")([[1.0]]).tolist()
-    [1.0]
     """
     if hasattr(estimator, method) or not isinstance(estimator, Pipeline):
         return getattr(estimator, method)

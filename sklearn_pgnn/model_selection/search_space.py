@@ -110,11 +110,6 @@ def refuse_unknown_names(estimator, names) -> None:
 
     Names are full, such as ``"network__module__neurons"``. What is inside a parameter that is named
     itself is not checked, for that may hold anything.
-
-    Examples
-    --------
-    >>> from sklearn.linear_model import Ridge
-    >>> refuse_unknown_names(Ridge(), ["alpha"])
     """
     names, parts = list(names), _parts(estimator)
     for name in names:

@@ -23,11 +23,6 @@ def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> lis
     increase. `groups`, the trajectory of every row, overrides X. The time is by default in ``"t"``,
     the first column where the columns have no names. The trajectories are in the order of their
     first rows.
-
-    Examples
-    --------
-    >>> [rows.tolist() for rows in read_pieces([[0.0, 5.0], [0.1, 5.0], [0.0, 7.0]])]
-    [[0, 1], [2]]
     """
     X = as_table(X, time_column)
     names = _named(X, trajectory_column) if groups is None else np.asarray(groups)
@@ -44,16 +39,6 @@ def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=N
 
     `pieces` are row numbers of the trajectories that stay together, in the order of the table; if
     `groups` are given, nothing is checked.
-
-    Examples
-    --------
-    >>> X = [[0.0], [0.1], [0.0], [0.9], [0.4], [1.0]]
-    >>> first, second, third = read_pieces(X)
-    >>> refuse_merging(X, [first, third])
-    Traceback (most recent call last):
-        ...
-    ValueError: X: the trajectories that end in row 1 and begin in row 4 would be read as one, \
-since time keeps increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
     """
     X = as_table(X, time_column)
     if groups is not None or _named(X, trajectory_column) is not None:
@@ -74,11 +59,6 @@ def are_measured(pieces, y) -> np.ndarray:
 
     `pieces` are row numbers of every trajectory; y is NaN or None where there is none, and without
     y all are measured.
-
-    Examples
-    --------
-    >>> are_measured([np.array([0, 1]), np.array([2])], [1.0, np.nan, np.nan]).tolist()
-    [True, False]
     """
     if y is None:
         return np.ones(len(pieces), dtype=bool)

@@ -26,7 +26,7 @@ from sklearn_pgnn.physics.terms import model_terms
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive, run_terms
+from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_terms
 from sklearn_pgnn.simulation.simulate import parameter_values
 
 BASES = ("constant", "state", "prior")
@@ -184,11 +184,17 @@ class FreeRun:
 
     def __call__(self, record: NetworkRecord, hidden=None):
         """Run along a trajectory, see `run_network`."""
-        states = np.empty((record.t.size, record.x0.size))
-        hidden = np.zeros(self._n_hidden) if hidden is None else hidden
+        n, nx = record.t.size, record.x0.size
+        states, hidden = np.empty((n, nx)), np.zeros(self._n_hidden) if hidden is None else hidden
         functions = (each.argument for each in self._functions)
         given = (*functions, *_given(record, self._linear), *self._settings)
-        return states, run(*given, self._core, record.x0.copy(), hidden, states)
+        failed = run(
+            *given, self._core, record.x0.copy(), hidden, np.zeros((nx, 0)), 0, np.arange(n),
+            states, np.zeros((n, nx, 0)),
+        )  # fmt: skip
+        if failed >= 0:
+            states[failed:] = states[failed - 1]
+        return states, failed
 
 
 class NetworkSensitivities:
@@ -218,7 +224,8 @@ class NetworkSensitivities:
         for start in range(0, max(1, len(samples) - 1), length):
             wanted = np.array(samples[start : start + length + 1], dtype=np.int64)
             x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_weights))
-            run_sensitive(*self._given, self._x, self._S, self._place, wanted, x, S)
+            own = self._x, np.zeros(0), self._S, self._place, wanted
+            run(*self._given, CORES.index("feed-forward"), *own, x, S)
             S[:, :, n_weights - self._unit.size :] *= self._unit
             yield wanted, x, S
             self._place = wanted[-1]

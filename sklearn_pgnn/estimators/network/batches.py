@@ -74,14 +74,6 @@ def own_random_numbers() -> Iterator[None]:
     the one stream that torch has in a process. A thread that seeds it waits until no other thread
     is in this context, and so draws the same numbers as it would alone. A GPU has a stream of its
     own: `torch.manual_seed` seeds that, too, and it is not restored.
-
-    Examples
-    --------
-    >>> before = torch.get_rng_state()
-    >>> with own_random_numbers():
-    ...     _ = torch.manual_seed(0), torch.rand(3)
-    >>> torch.equal(before, torch.get_rng_state())
-    True
     """
     with _STREAM_LOCK.lock, torch.random.fork_rng(devices=[]):
         yield

@@ -74,13 +74,7 @@ def fill(record: Record, interval: float, hold: str) -> FilledRecord:
 
 
 def is_other_interval(wanted: float, interval: float) -> bool:
-    """Return whether a sample interval is not that of the training, within the tolerance.
-
-    Examples
-    --------
-    >>> is_other_interval(0.0105, 0.01), is_other_interval(0.02, 0.01)
-    (False, True)
-    """
+    """Return whether a sample interval is not that of the training, within the tolerance."""
     return abs(wanted / interval - 1) > TOLERANCE
 
 
