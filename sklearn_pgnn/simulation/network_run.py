@@ -161,74 +161,65 @@ def samples_of(t: np.ndarray, acting: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hidden=None):
-    """Run a network in free run along a trajectory.
-
-    `theta` are the network's weights, then the relative changes of the step's free parameters.
-    `hidden`, the state of a recurrent core, is changed in place; by default it is zeros that are
-    forgotten. Return the states, of shape (n_samples, n_states), the last ones within reach being
-    repeated once they leave it, and the first sample out of reach, -1 if there is none.
-    """
+    """Run a network in free run along a trajectory, see `FreeRun`."""
     return FreeRun(step, theta)(record, hidden)
 
 
 class FreeRun:
     """A network in free run, prepared once for many trajectories.
 
-    `theta` are the network's weights, then the relative changes of the step's free parameters.
+    `theta` are the network's weights, then the relative changes of the step's free parameters; with
+    `differs` the states can be differentiated by these, for a feed-forward core.
     """
 
-    def __init__(self, step: NetworkStep, theta: np.ndarray):
-        self._functions, self._settings = _functions_and_settings(step, theta)
-        self._core, self._n_hidden = CORES.index(step.core), _n_hidden(step)
-        self._linear = step.hold == "foh"
+    def __init__(self, step: NetworkStep, theta: np.ndarray, differs: bool = False):
+        self._step, self._n_theta = step, theta.size
+        free = step.free if differs else None
+        self._functions, self._settings = _functions_and_settings(step, theta, free)
+        self._unit = parameter_units(step.model, step.free)
 
     def __call__(self, record: NetworkRecord, hidden=None):
-        """Run along a trajectory, see `run_network`."""
+        """Run along a trajectory.
+
+        `hidden`, the state of a recurrent core, is changed in place; by default it is zeros that
+        are forgotten. Return the states, of shape (n_samples, n_states), the last ones within reach
+        being repeated once they leave it, and the first sample out of reach, -1 if there is none.
+        """
         n, nx = record.t.size, record.x0.size
-        states, hidden = np.empty((n, nx)), np.zeros(self._n_hidden) if hidden is None else hidden
-        functions = (each.argument for each in self._functions)
-        given = (*functions, *_given(record, self._linear), *self._settings)
-        failed = run(
-            *given, self._core, record.x0.copy(), hidden, np.zeros((nx, 0)), 0, np.arange(n),
-            states, np.zeros((n, nx, 0)),
-        )  # fmt: skip
+        recurs = self._step.core == "recurrent"
+        hidden = np.zeros(self._step.sizes[1] if recurs else 0) if hidden is None else hidden
+        states, none = np.empty((n, nx)), np.zeros((n, nx, 0))
+        begun = record.x0.copy(), hidden, none[0], 0, np.arange(n)
+        failed = self._run(record, *begun, states, none)
         if failed >= 0:
             states[failed:] = states[failed - 1]
         return states, failed
 
-
-class NetworkSensitivities:
-    """States of a network in free run and their derivatives by its weights, piece after piece.
-
-    `theta` are the weights of a feed-forward core, then the relative changes of the step's free
-    parameters.
-    """
-
-    def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
-        self._functions, settings = _functions_and_settings(step, theta, step.free)
-        functions = (each.argument for each in self._functions)  # which are held here
-        self._given = (*functions, *_given(record, step.hold == "foh"), *settings)
-        self._unit = parameter_units(step.model, step.free)
-        self._x, self._S = record.x0.copy(), np.zeros((record.x0.size, theta.size))
-        self._place = 0
-
-    def pieces(self, samples, length: int = 512):
-        """Run on, piece by piece; each begins with the last sample of the one before.
+    def pieces(self, record: NetworkRecord, samples, length: int = 512):
+        """Run on, piece by piece, with derivatives; each begins with the last sample before it.
 
         The states are wanted at `samples`, in increasing order; `length` is samples per piece, not
         counting that first one. Yield a piece's samples, its states, infinite once they have left
         the reach, and their derivatives by the weights and the changes, of shape (n, n_states,
         n_weights + n_free).
         """
-        nx, n_weights = self._S.shape
+        nx, n_theta, place = record.x0.size, self._n_theta, 0
+        now = record.x0.copy(), np.zeros(0), np.zeros((nx, n_theta))
         for start in range(0, max(1, len(samples) - 1), length):
             wanted = np.array(samples[start : start + length + 1], dtype=np.int64)
-            x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_weights))
-            own = self._x, np.zeros(0), self._S, self._place, wanted
-            run(*self._given, CORES.index("feed-forward"), *own, x, S)
-            S[:, :, n_weights - self._unit.size :] *= self._unit
+            x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_theta))
+            self._run(record, *now, place, wanted, x, S)
+            S[:, :, n_theta - self._unit.size :] *= self._unit
             yield wanted, x, S
-            self._place = wanted[-1]
+            place = wanted[-1]
+
+    def _run(self, record: NetworkRecord, *where) -> int:
+        core, linear_hold = CORES.index(self._step.core), self._step.hold == "foh"
+        functions = (each.argument for each in self._functions)  # which are held here
+        return run(
+            *functions, record.t, record.acting, linear_hold, record.u, record.simulated,
+            record.features, *self._settings, core, *where,
+        )  # fmt: skip
 
 
 def parameter_units(model: PhysicsModel, names: tuple[str, ...]) -> np.ndarray:
@@ -350,17 +341,6 @@ def terms_model(step: NetworkStep) -> PhysicsModel:
 def _own(values) -> np.ndarray:
     """Return a contiguous copy of floats, as the compiled loops take it."""
     return np.array(values, dtype=float, order="C")
-
-
-def _n_hidden(step) -> int:
-    return step.sizes[1] if step.core == "recurrent" else 0
-
-
-def _given(record: NetworkRecord, linear_hold: bool):
-    """Return a trajectory as the loops take it."""
-    return (
-        record.t, record.acting, linear_hold, record.u, record.simulated, record.features,
-    )  # fmt: skip
 
 
 def _functions_and_settings(step, theta, wrt=None):

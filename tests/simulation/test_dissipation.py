@@ -19,7 +19,7 @@ from sklearn_pgnn.estimators.network.step_network import (
 from sklearn_pgnn.estimators.network.torch_functions import dissipated
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_model
 from sklearn_pgnn.simulation.network_run import (
-    NetworkSensitivities,
+    FreeRun,
     NetworkStep,
     network_record,
     run_network,
@@ -150,7 +150,7 @@ def test_torch_and_the_compiled_loop_agree(lossy, guide):
     assert x[1:] == pytest.approx(found[0].detach().numpy(), rel=1e-10, abs=1e-10)
     # the slopes of torch are those of the sensitivities
     theta = weights_of(core)
-    S = next(iter(NetworkSensitivities(step_with(core, step), theta, record).pieces([0, 39])))[2]
+    S = next(iter(FreeRun(step_with(core, step), theta, differs=True).pieces(record, [0, 39])))[2]
     for i in range(4):
         by_torch = torch.autograd.grad(found[0, -1, i], core.parameters(), retain_graph=True)
         by_torch = torch.nn.utils.parameters_to_vector(by_torch).numpy()
@@ -172,7 +172,7 @@ def test_sensitivities_are_the_derivatives(lossy, guide):
         up, down = (run_network(step, end, record)[0] for end in ends)
         columns.append((up - down) / 2e-6)
     expected = np.stack(columns, axis=-1)
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(np.arange(40), 16))
+    pieces = list(FreeRun(step, theta, differs=True).pieces(record, np.arange(40), 16))
     found = np.concatenate([S[min(i, 1) :] for i, (_, _, S) in enumerate(pieces)])
     assert np.abs(expected).max() > 1e-3
     assert found == pytest.approx(expected, rel=1e-5, abs=1e-6 * np.abs(expected).max())

@@ -26,7 +26,7 @@ from sklearn_pgnn.estimators.network.step_network import (
 from sklearn_pgnn.estimators.network.structure import BASE_OF, gain_of
 from sklearn_pgnn.simulation.network_run import (
     ACTIVATIONS,
-    NetworkSensitivities,
+    FreeRun,
     NetworkStep,
     names_in_terms,
     network_record,
@@ -271,7 +271,7 @@ def test_out_of_reach_is_flagged_and_finite(structure, weight):
     assert failed > 0
     assert np.isfinite(x).all()
     assert np.array_equal(x[failed:], np.tile(x[failed - 1], (len(x) - failed, 1)))
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(np.arange(60), 10))
+    pieces = list(FreeRun(step, theta, differs=True).pieces(record, np.arange(60), 10))
     assert not np.isfinite(np.concatenate([x for _, x, _ in pieces])).all()
 
 
@@ -303,7 +303,7 @@ def differences(step, theta, record, small=1e-6):
 
 def sensitivities(step, theta, record, length=512):
     samples = np.arange(len(record.t))
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(samples, length))
+    pieces = list(FreeRun(step, theta, differs=True).pieces(record, samples, length))
     parts = [S[(1 if samples[0] else 0) :] for samples, _, S in pieces]
     return np.concatenate(parts)
 
@@ -354,7 +354,7 @@ def test_pieces_make_no_difference():
     whole = sensitivities(step, theta, record)
     assert np.array_equal(sensitivities(step, theta, record, length=7), whole)
     wanted, states = np.arange(2, len(record.t), 3), run_network(step, theta, record)[0]
-    for samples, x, S in NetworkSensitivities(step, theta, record).pieces(wanted, 7):
+    for samples, x, S in FreeRun(step, theta, differs=True).pieces(record, wanted, 7):
         assert np.array_equal(S, whole[samples])
         assert x == pytest.approx(states[samples])
 
@@ -415,10 +415,10 @@ def test_the_terms_that_guide_a_network_are_parts_of_the_rates(model, quantities
 SCRIPT = """
 import pickle, sys
 import numpy as np
-from sklearn_pgnn.simulation.network_run import NetworkSensitivities, run_network
+from sklearn_pgnn.simulation.network_run import FreeRun, run_network
 step, theta, record = pickle.load(open(sys.argv[1], "rb"))
 samples = np.arange(record.t.size)
-*_, (_, x, S) = NetworkSensitivities(step, theta, record).pieces(samples)
+*_, (_, x, S) = FreeRun(step, theta, differs=True).pieces(record, samples)
 np.savez(sys.argv[2], alone=run_network(step, theta, record)[0], x=x, S=S)
 """
 
@@ -439,6 +439,6 @@ def test_a_network_gives_the_same_bits_in_another_process(tmp_path, plain_calls)
     )
     result = np.load(tmp_path / "result.npz")
     assert np.array_equal(result["alone"], run_network(*given)[0])
-    *_, (_, x, S) = NetworkSensitivities(*given).pieces(np.arange(record.t.size))
+    *_, (_, x, S) = FreeRun(*given[:2], differs=True).pieces(record, np.arange(record.t.size))
     assert np.array_equal(result["x"], x)
     assert np.array_equal(result["S"], S)

@@ -17,7 +17,7 @@ from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord
 from sklearn_pgnn.estimators.network.torch_functions import outputs_of
 from sklearn_pgnn.simulation.network_run import (
-    NetworkSensitivities,
+    FreeRun,
     NetworkStep,
     parameter_units,
     run_network,
@@ -148,8 +148,8 @@ class SimulationObjective:
     def _sums_of(self, record, theta) -> Sums:
         n = theta.size
         sums = Sums(0.0, np.zeros(n), np.zeros((n, n)))
-        run = NetworkSensitivities(self.step, theta, record.record)
-        for samples, x, S in run.pieces(self._samples(record)):
+        run = FreeRun(self.step, theta, differs=True)
+        for samples, x, S in run.pieces(record.record, self._samples(record)):
             if not np.isfinite(x).all():
                 return Sums(np.inf, sums.gradient, sums.curvature)
             self._add(sums, record, samples, x, S, theta[n - len(self.step.free) :])

@@ -56,7 +56,15 @@ class FilledRecord:
 def fill(record: Record, interval: float, hold: str) -> FilledRecord:
     """Divide the long steps of a record."""
     counts = _parts(np.diff(record.t), interval)
-    _refuse_endless(record, counts, interval)
+    if counts.sum() - counts.size > MOST:
+        k = int(np.argmax(counts))
+        raise RecordError(
+            f"X: the network steps by {interval:g} s, the sample interval of its training; "
+            f"expected at most {MOST} such steps between the rows of trajectory {record.name!r}, "
+            f"got {counts.max():.3g} after row {record.rows[k]}, a gap of "
+            f"{record.t[k + 1] - record.t[k]:g} s. Remedy: give what follows the gap a name of its "
+            f"own in a column 'trajectory', or resample the records."
+        )
     n, counts = record.t.size, counts.astype(int)
     kept = np.concatenate([[0], np.cumsum(counts)])
     before = np.append(np.repeat(np.arange(n - 1), counts), n - 1)
@@ -84,19 +92,6 @@ def _parts(steps, interval: float) -> np.ndarray:
     return np.where(ratios >= LONG, np.rint(ratios), 1.0)
 
 
-def _refuse_endless(record: Record, counts: np.ndarray, interval: float) -> None:
-    if counts.sum() - counts.size <= MOST:
-        return
-    k = int(np.argmax(counts))
-    raise RecordError(
-        f"X: the network steps by {interval:g} s, the sample interval of its training; expected at "
-        f"most {MOST} such steps between the rows of trajectory {record.name!r}, got "
-        f"{counts.max():.3g} after row {record.rows[k]}, a gap of "
-        f"{record.t[k + 1] - record.t[k]:g} s. Remedy: give what follows the gap a name of its own "
-        f"in a column 'trajectory', or resample the records."
-    )
-
-
 def holds_at_one_interval(structure: str, module) -> bool:
     """Return whether a network is a map from sample to sample, and no correction of rates.
 
@@ -108,7 +103,9 @@ def holds_at_one_interval(structure: str, module) -> bool:
 
 def warn_of_other_intervals(filled: list[FilledRecord], interval: float, structure: str) -> None:
     """Warn of trajectories whose steps are no multiples of the training's."""
-    others = [each for each in filled if _is_other(each, interval)]
+    steps = [np.diff(each.record.t) / interval for each in filled]  # divided or not
+    far = [each.size and np.median(np.abs(each - 1)) > TOLERANCE for each in steps]
+    others = [each for each, is_far in zip(filled, far, strict=True) if is_far]
     if not others:
         return
     first = others[0]
@@ -122,12 +119,6 @@ def warn_of_other_intervals(filled: list[FilledRecord], interval: float, structu
         f"{_remedy(interval)}",
         RecordWarning,
     )
-
-
-def _is_other(each: FilledRecord, interval: float) -> bool:
-    """Return whether most steps of a trajectory, divided or not, are not the network's."""
-    steps = np.diff(each.record.t)
-    return bool(steps.size and np.median(np.abs(steps / interval - 1)) > TOLERANCE)
 
 
 def _remedy(interval: float) -> str:

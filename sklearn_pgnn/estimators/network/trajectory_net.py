@@ -39,7 +39,7 @@ from sklearn_pgnn.estimators.network.physics_loss import (
     PhysicsLoss,
     balanced_lambda,
 )
-from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows
+from sklearn_pgnn.estimators.network.records import TrainingRecord
 from sklearn_pgnn.estimators.network.step_network import (
     StepNetwork,
     ready_to_run,
@@ -68,7 +68,6 @@ class _Phase:
 
     epochs: int
     horizon: int
-    windows: TrainingWindows
     scale: torch.Tensor
     rate: float
     epoch: int = 0
@@ -201,7 +200,7 @@ class TrajectoryNet(NeuralNetRegressor):
     def _run_phase(self, windows, length, target, scale, rate, epochs, **fit_params) -> None:
         scale = self._measure(np.where(scale > 0, scale, 1.0))
         scale = torch.as_tensor(scale, device=self.device)
-        self._phase = _Phase(epochs, length, windows, scale, rate)
+        self._phase = _Phase(epochs, length, scale, rate)
         batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
         if self._free_names:
             for part in ("prior", "terms"):
