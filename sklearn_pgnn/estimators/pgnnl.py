@@ -593,10 +593,9 @@ class PGNNLRegressor(SimulatingMixin, GapScoreMixin, MultiOutputMixin, PreparedN
         y = y.reshape(len(y), -1).astype(float)
         self.model_, self._rows, self.lambda_phy_ = None, (X, y), 0.0
         self.parameters_, self.dissipation_ = {}, {}
-        self._validation, self._phase, self._physics = [], None, None
+        self._data, self._phase, self._physics = None, None, None
         if anew:
             self.initialize()
-        self._shown = {}
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             self.fit_loop(X, y, **fit_params)
@@ -611,7 +610,7 @@ class PGNNLRegressor(SimulatingMixin, GapScoreMixin, MultiOutputMixin, PreparedN
                 f"would hold out windows whose neighbours are trained on. Remedy: "
                 f"validation_fraction=0.2 holds out trajectories."
             )
-        training, windows = self._prepare_training(X, y, random, anew)
+        self._data = data = self._prepare_training(X, y, random, anew)
         if anew:
             self.initialize()
         if any(isinstance(part, BatchScoring) for _, part in self.callbacks_):
@@ -619,24 +618,23 @@ class PGNNLRegressor(SimulatingMixin, GapScoreMixin, MultiOutputMixin, PreparedN
                 "callbacks: BatchScoring scores batches of rows, but a batch of trajectories holds "
                 "windows of them. Remedy: EpochScoring."
             )
-        self._free_parameters(windows)
-        self.module_.samples, self.module_.free = windows.samples, self._free
+        self._free_parameters()
+        self.module_.samples, self.module_.free = data.windows.samples, self._free
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             with self._one_phase("single steps"):
                 epochs = self.max_epochs if epochs is None else epochs
-                self._train_steps(windows, epochs, **fit_params)
+                self._train_steps(epochs, **fit_params)
             if self.horizon > 1:
                 with self._one_phase("rollouts"):
-                    self._train_rollouts(training, windows, **fit_params)
+                    self._train_rollouts(**fit_params)
             with self._one_phase("whole trajectories"):
-                self._train_simulation(training)
+                self._train_simulation()
         self._restore_best()
         self.notify("on_train_end", X=X, y=y)
-        self.free_run_error_ = self._validation_error() if self._validation else np.nan
-        self._settle_parameters(training)
-        self.module_.samples, self._phase, self._validation, self._shown = {}, None, [], {}
-        self._unmeasured = []
+        self.free_run_error_ = self._validation_error() if data.validation else np.nan
+        self._settle_parameters()
+        self.module_.samples, self._phase, self._data = {}, None, None
 
     def __sklearn_tags__(self):
         return tags_of_records(super().__sklearn_tags__(), self.model is not None)

@@ -246,10 +246,7 @@ def _rows(parts) -> np.ndarray:
 
 
 def steps_in_gap(t: np.ndarray, measured: np.ndarray, longest: float) -> np.ndarray:
-    """Return which steps from sample to sample lie in a gap of a column.
-
-    A time of `longest` seconds without a sample is none.
-    """
+    """Return which steps lie in a gap of a column, longer than `longest` seconds."""
     found, seen = np.zeros(t.size - 1, dtype=bool), np.flatnonzero(measured)
     if seen.size == t.size or seen.size < 2:
         return found

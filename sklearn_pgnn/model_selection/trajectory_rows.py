@@ -55,11 +55,7 @@ def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=N
 
 
 def are_measured(pieces, y) -> np.ndarray:
-    """Return for every trajectory whether some of its outputs are measured.
-
-    `pieces` are row numbers of every trajectory; y is NaN or None where there is none, and without
-    y all are measured.
-    """
+    """Return for every trajectory whether some of its outputs are measured; without y all are."""
     if y is None:
         return np.ones(len(pieces), dtype=bool)
     empty = pd.isna(np.asarray(y))
@@ -69,8 +65,7 @@ def are_measured(pieces, y) -> np.ndarray:
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
     """Split trajectories in order so that the numbers of samples come nearest to given shares.
 
-    `lengths` are samples of every trajectory, at least as many as shares, which sum to one. Return
-    the numbers of the trajectories in every part, at least one each.
+    Return the numbers of the trajectories in every part, at least one each.
     """
     ends = np.cumsum(lengths)
     wanted = np.cumsum(shares)[:-1] * ends[-1]

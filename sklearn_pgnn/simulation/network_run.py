@@ -129,11 +129,7 @@ class NetworkRecord:
 
 
 def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None, features=None):
-    """Prepare a trajectory for the network's loop.
-
-    `simulated`, of shape (n_samples, n_states), is an open-loop simulation that guides the network;
-    `features`, (n_samples, n_features), are further columns that it sees.
-    """
+    """Prepare a trajectory for the network's loop, with an open-loop simulation that guides it."""
     n = t.size
     acting = _own(delayed_inputs(model, t, u, hold == "foh"))
     seen = acting[:, : u.shape[1]]
@@ -228,12 +224,10 @@ def parameter_units(model: PhysicsModel, names: tuple[str, ...]) -> np.ndarray:
 
 
 def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_next, free=()):
-    """Simulate many samples of a model by one step each, with the derivatives.
+    """Simulate many samples of a model by one step each, under inputs that act at both its ends.
 
-    `u` and `u_next` are the inputs as they act at the beginning and at the end of the step, of
-    shape (n_samples, n_inputs + n_delays). Return the states one step later, of shape (n_samples,
-    n_states), and their derivatives by the parameters `free`, then by the states, (n_samples,
-    n_states, n_free + n_states).
+    Return the states one step later, and their derivatives by the parameters `free`, then by the
+    states, (n_samples, n_states, n_free + n_states).
     """
     function, source = compile_model(model, free)
     x_next = np.array(x, dtype=float, order="C")
@@ -255,21 +249,19 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
 
 
 def term_values(model: PhysicsModel, t, x, u, spread):
-    """Evaluate the terms of a model's rates, with their derivatives by the state.
+    """Evaluate the terms of a model's rates besides states and inputs, and their derivatives.
 
-    `u` are the inputs as they act, `spread` the standard deviations of the states. Return all terms
-    besides the states and inputs themselves, of shape (n_samples, n_terms), and their derivatives,
-    (n_samples, n_terms, n_states).
+    `spread` are the standard deviations of the states; the derivatives are by these, (n_samples,
+    n_terms, n_states).
     """
     with_terms = _with_terms(model, tuple(float(value) for value in spread))
     return _output_values(with_terms, len(_seen_terms(model)), t, x, u)
 
 
 def energy_values(model: PhysicsModel, states: tuple[str, ...], t, x, u):
-    """Evaluate the slopes and the Hessian of the stored energy, with their derivatives.
+    """Evaluate the slopes and the Hessian of the stored energy by some states, row by row.
 
-    Return the slopes by some states, then the Hessian row by row, of shape (n_samples, n_lossy +
-    n_lossy**2), and their derivatives by all states. `u` are the inputs as they act.
+    Return also their derivatives by all states, (n_samples, n_lossy + n_lossy**2, n_states).
     """
     return _output_values(energy_model(model, states), len(states) * (1 + len(states)), t, x, u)
 

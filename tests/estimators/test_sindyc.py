@@ -691,7 +691,7 @@ def machine(frequency, seed):
 
         run = solve_ivp(rate, (0, CLOCK[-1]), [0, 0], t_eval=CLOCK, rtol=1e-9, atol=1e-9)
         tables.append(pd.DataFrame({"trajectory": name, "t": CLOCK, "u": u(CLOCK)}))
-        states.append(run.y.CLOCK)
+        states.append(run.y.T)
     y = np.concatenate(states) + 1e-3 * rng.normal(size=(3 * CLOCK.size, 2))
     return pd.concat(tables, ignore_index=True), pd.DataFrame(y, columns=["x", "v"])
 

@@ -59,10 +59,7 @@ class FreeParameters:
 
     @classmethod
     def of(cls, prior: PhysicsModel, start: PhysicsModel, names) -> "FreeParameters":
-        """Let parameters vary as far as the prior's spread and bounds allow.
-
-        `prior` defines spread and bounds, `start` the initial values.
-        """
+        """Let parameters vary from their start as far as the prior's spread and bounds allow."""
         names = tuple(names)
         given = [prior.parameters[name] for name in names]
         now = np.array([start.parameters[name].value for name in names])
@@ -72,18 +69,12 @@ class FreeParameters:
         return cls(names, now, unit, (low - now) / unit, (high - now) / unit)
 
     def values(self, changes) -> dict:
-        """Return the parameters' values by name, as numbers or tensors like the changes.
-
-        The changes are relative, of shape (..., n_free).
-        """
+        """Return the parameters' values by name, as numbers or tensors like the changes."""
         known = zip(self.names, self.start.tolist(), self.unit.tolist(), strict=True)
         return {name: a + b * changes[..., i] for i, (name, a, b) in enumerate(known)}
 
     def estimates(self, model: PhysicsModel, changes, reach) -> dict[str, Estimate]:
-        """Return the parameters' values with intervals, kept within their range.
-
-        `reach` is half the width of the intervals of the relative changes.
-        """
+        """Return the values with intervals that reach so far to each side, within the range."""
         ends = np.clip(changes - reach, self.low, self.high), changes, changes + reach
         low, value, high = (self.values(np.minimum(each, self.high)) for each in ends)
         return {
@@ -161,11 +152,7 @@ class Overlap:
         return self._basis.to(output.device).T @ said.reshape(-1)
 
     def with_slopes(self, core: nn.Module, weights: np.ndarray):
-        """Return the overlap and its derivatives by the weights.
-
-        The network's own weights do not matter. The overlap has shape (n_directions,), its
-        derivatives (n_directions, n_weights).
-        """
+        """Return the overlap and its derivatives by the weights, (n_directions, n_weights)."""
         core = copy.deepcopy(core).cpu()
         nn.utils.vector_to_parameters(torch.as_tensor(weights), core.parameters())
         parts = list(core.parameters())

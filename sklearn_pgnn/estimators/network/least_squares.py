@@ -74,11 +74,9 @@ class Sums:
 
 
 class SimulationObjective:
-    """The loss of a network in free run, as a function of its weights.
+    """The loss of a network in free run, at every `stride`-th sample, as a function of its weights.
 
-    `scale` is that of every output's error, and `lambda_phy` the weight of the physical terms.
-    Errors and physical residuals are evaluated at every `stride`-th sample. `overlap` is the cost
-    of the network's output that the model's free parameters could express.
+    `overlap` is the cost of the output that the model's free parameters could express.
     """
 
     def __init__(

@@ -26,11 +26,13 @@ from sklearn_pgnn.estimators.network.reading import (
     with_names,
 )
 from sklearn_pgnn.estimators.network.records import (
+    TrainingData,
     TrainingRecord,
     TrainingWindows,
     estimate_states,
     open_loop,
     prepare,
+    rows_of,
     split_for_validation,
     told_samples,
 )
@@ -192,7 +194,7 @@ class PreparedNet(TrajectoryNet):
 
     # -- preparing ---------------------------------------------------------------------------------
 
-    def _prepare_training(self, X, y, random, anew):
+    def _prepare_training(self, X, y, random, anew) -> TrainingData:
         """Read the records, estimate their states, and define the network's step."""
         table = validate_table(self, X, reset=anew)
         y = as_pandas(y)
@@ -204,9 +206,11 @@ class PreparedNet(TrajectoryNet):
         if anew:
             self.interval_ = usual_step(measured)
         filled = [fill(record, self.interval_, self.hold_) for record in measured]
-        records = tuple(each.record for each in filled)
+        records: tuple[Any, ...] = tuple(each.record for each in filled)
         self.noise_ = output_noise(records)
-        options = self._settle_clock(records)
+        steps = steps_for(self.model_, records, self.substeps, EXPLICIT, self.hold_)
+        self.substeps_ = steps.substeps
+        options: dict[str, Any] = {"hold": self.hold_, "substeps": self.substeps_}
         states = estimate_states(self.model_, records, **options)
         if anew:
             self._settle_structure(records, states, options)
@@ -214,10 +218,9 @@ class PreparedNet(TrajectoryNet):
         self.guide_line_ = self._find_guide_line(X, filled)
         parts = zip(self._prepare(X, filled), states, records, told_samples(records), strict=True)
         whole = [TrainingRecord(ready, x, record.y, told=told) for ready, x, record, told in parts]
-        training, self._validation = split_for_validation(whole, self.validation_fraction, random)
-        self._show(table, outputs, measured, whole)
-        self._unmeasured = self._prepare_unmeasured(X, given, options)
-        windows = self._cut_windows([*training, *self._unmeasured], options)
+        training, validation = split_for_validation(whole, self.validation_fraction, random)
+        unmeasured = self._prepare_unmeasured(X, given, options)
+        windows = self._cut_windows([*training, *unmeasured], options)
         if anew:
             self.step_ = structure.make_step(
                 self.model_,
@@ -231,9 +234,18 @@ class PreparedNet(TrajectoryNet):
                 **options,
             )
         self._settle_physics(windows)
-        spread = of_measured(np.nanstd, np.concatenate([r.y for r in records]))
-        self._spread = np.where(constant_outputs(records).all(axis=0), 1.0, spread)
-        return training, windows
+        held = [any(each is other for other in validation) for each in whole]
+        rows = rows_of(table, outputs, measured, held)
+        scales = self._scales(records)
+        return TrainingData(training, validation, unmeasured, windows, *scales, rows)
+
+    def _scales(self, records) -> tuple[np.ndarray, int]:
+        """Return the deviations of the outputs, and at which samples these are compared."""
+        spread = of_measured(np.nanstd, np.concatenate([record.y for record in records]))
+        spread = np.where(constant_outputs(records).all(axis=0), 1.0, spread)
+        if any(np.isnan(record.y).any() for record in records):
+            return spread, 1  # else those that were measured may be skipped
+        return spread, max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
 
     def _read_training(self, X, y, anew):
         """Name the columns of X, and read it with y as records of the model."""
@@ -254,16 +266,6 @@ class PreparedNet(TrajectoryNet):
             warn_of_unknown_starts(self.model, given)
         self.further_columns_ = further_columns(self.model_, X, time_column)
         return X, given
-
-    def _settle_clock(self, records) -> dict:
-        """Choose how the records are simulated and compared, and return the simulation options."""
-        self.substeps_ = steps_for(
-            self.model_, records, self.substeps, EXPLICIT, self.hold_
-        ).substeps
-        self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
-        if any(np.isnan(record.y).any() for record in records):
-            self._stride = 1  # else those that were measured may be skipped
-        return {"hold": self.hold_, "substeps": self.substeps_}
 
     def _cut_windows(self, records, options) -> TrainingWindows:
         windows = TrainingWindows(

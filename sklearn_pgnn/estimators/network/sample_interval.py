@@ -25,12 +25,10 @@ MOST = 1_000_000
 
 @dataclass(frozen=True)
 class FilledRecord:
-    """A trajectory with samples in between where its own are far apart.
+    """A trajectory with samples in between, without outputs, where its own are far apart.
 
-    Samples in between have no outputs, and the row number of the one before. `rows` are the row
-    numbers of its own samples in the original table, and `kept` where these are among all; `before`
-    is the own sample at or before each of all samples, and `share` how far that is from there to
-    the next own one, from 0 to below 1.
+    Its own are in `rows` of the table, and `kept` among all; of these `before` is the own one at or
+    before each, and `share` how far each is from there to the next own one.
     """
 
     record: Record
@@ -95,8 +93,7 @@ def _parts(steps, interval: float) -> np.ndarray:
 def holds_at_one_interval(structure: str, module) -> bool:
     """Return whether a network is a map from sample to sample, and no correction of rates.
 
-    Such a network holds for the sample interval of its training only. `structure` is the meaning of
-    its output; a core with a hidden state changes that from sample to sample.
+    A core with a hidden state changes that from sample to sample.
     """
     return structure not in ON_THE_MODEL or hasattr(module, "at_rest")
 
@@ -129,11 +126,7 @@ def _remedy(interval: float) -> str:
 
 
 def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> int:
-    """Return how many steps of a network make a sample interval.
-
-    The wanted interval and the network's step are in seconds; `is_map` is whether it holds for that
-    step only. A `RecordWarning` says where no number fits.
-    """
+    """Return how many steps of a network make a sample interval; warn where no number fits."""
     check_sample_interval(wanted)
     parts = int(_parts(wanted, interval))
     if is_map and is_other_interval(wanted / parts, interval):

@@ -55,12 +55,9 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
 
 
 def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=None) -> np.ndarray:
-    """Scale the network's outputs by the quantities that they have to explain.
+    """Scale the network's outputs by what they have to explain, in every step of the training.
 
-    `x` and `x_next` are measured states at both ends of every step, and `prior` the model's step
-    from these, of shape (n, n_states); `dt` are the steps [s], and `corrects` the only states whose
-    rates are corrected. Return matrices that multiply 1, the step and its square, of shape (3,
-    n_states, n_outputs).
+    Return the matrices that multiply 1, the step and its square, (3, n_states, n_outputs).
     """
     states = list(model.states)
     own = corrected_states(model, structure)
@@ -84,11 +81,9 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=
 
 
 def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]:
-    """Return the states that a network can take energy out of.
+    """Return the states that a network can take energy out of, positions never.
 
-    `corrects` are the only states to consider, by default all that the stored energy depends on,
-    except positions. The energy must be quadratic in them together, and depend on them by no
-    parameter that is trained, one of `free`.
+    The energy must be quadratic in them together, and depend on them by no `free` parameter.
     """
     what, stored = "structure='dissipative'", model.energy.get("stored")
     if stored is None:
@@ -127,13 +122,7 @@ def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]
 
 
 def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissipation:
-    """Scale what a network takes out of some states by the model's error in them.
-
-    `samples` has time ``t``, step ``dt`` and acting inputs ``acting`` of every step; `x_next` and
-    `prior`, of shape (n, n_states), are the measured states at its end, and those of the model's
-    step. An energy that grows less than linearly along some direction of the states raises
-    `ValueError`.
-    """
+    """Scale what a network takes out of some states by the model's error in them."""
     parts = energy_values(model, states, samples["t"], prior, samples["acting"])[0]
     m, places = len(states), [list(model.states).index(name) for name in states]
     eigenvalues = np.linalg.eigvalsh(parts[:, m:].reshape(-1, m, m))
@@ -151,10 +140,8 @@ def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissi
 def choose_structure(measured, foretold, begun) -> str:
     """Choose a correction where the model predicts most of the change of the states.
 
-    All have shape (n, n_states): `measured` states at the end of several short windows, those that
-    the model predicts from the measured ones at the beginning, and these. The structure is a
-    correction where, over the states, the mean of the squared error as a share of persistence's is
-    below `FORETOLD`, else an increment.
+    `begun` and `measured` are states at both ends of short windows, (n, n_states). The squared
+    error as a share of persistence's, in the mean over the states, is then below `FORETOLD`.
     """
     by_model = np.mean((measured - foretold) ** 2, axis=0)
     by_persistence = np.mean((measured - begun) ** 2, axis=0)
@@ -165,11 +152,7 @@ def choose_structure(measured, foretold, begun) -> str:
 
 @one_simulation_warning()
 def find_structure(model: PhysicsModel, records, states, **options) -> str:
-    """Compare the model with persistence, a tenth of the outputs' dominant period ahead.
-
-    Return ``"increment"`` or ``"correction"``; `states` are those of the records as estimated, and
-    `options` those of the simulation.
-    """
+    """Compare the model with persistence, a tenth of the outputs' dominant period ahead."""
     ahead = TRIAL_SHARE * dominant_period(records)
     count = max(1, TRIALS // len(records))
     trials = []
@@ -205,10 +188,7 @@ def check_structure(structure: str, guide, has_model: bool) -> None:
 
 
 def check_features(model: PhysicsModel, structure, guide, corrects, sees, further=()) -> None:
-    """Refuse quantities that a network cannot correct or see.
-
-    `further` are columns that it could see, too.
-    """
+    """Refuse quantities that a network cannot correct or see, `further` columns among them."""
     own = [list(model.states)[i] for i in corrected_states(model, structure)]
     _check_names("corrects", corrects, own)
     _check_names("sees", sees, (*model.states, *model.inputs, *further))
@@ -236,11 +216,7 @@ def _check_names(name, given, expected) -> None:
 
 
 def feature_scale(model: PhysicsModel, guide, scale, sees, further) -> np.ndarray:
-    """Return the divisors of the features, so large for features not seen that 0 is left.
-
-    `scale`, the standard deviations of the features, has shape (n_features,); with `sees` of None
-    all are seen; `further` names the further columns.
-    """
+    """Return the divisors of the features, so large for features not seen that 0 is left."""
     if sees is None:
         return scale
     names = [{name} for name in (*model.states, *model.inputs)]
@@ -262,12 +238,7 @@ def make_step(
     further=(),
     middle=False,
 ) -> NetworkStep:
-    """Scale the inputs and outputs of the network by the training data.
-
-    `corrects` are the only states whose rates are corrected, `sees` the only quantities that the
-    network sees, and `further` names the further columns; `middle` is whether it sees the state in
-    the middle of the model's step. The step is still without the core's sizes.
-    """
+    """Scale the inputs and outputs of the network by the training data, still without a core."""
     now = windows.pairs
     after, dt = now + 1, windows.samples["dt"][now]
     x, prior = windows.x[now], windows.prior[now]
@@ -300,9 +271,7 @@ def make_step(
 def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length: int | None):
     """Measure the root mean square error of the outputs of the base alone.
 
-    `outputs` returns the outputs of a `NetworkRecord` and its states; `length` is steps after which
-    the base starts again from the measured state, None for never. The error, of shape (n_outputs,),
-    is positive.
+    It starts again from the measured state after `length` steps, or never.
     """
     n_in, n_out = len(step.mean), step.n_network_outputs
     idle = replace(step, sizes=(n_in, n_out), loss=None)

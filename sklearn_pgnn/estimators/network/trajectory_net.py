@@ -17,8 +17,7 @@ from skorch.callbacks import (
     PassthroughScoring,
     PrintLog,
 )
-from skorch.dataset import Dataset
-from skorch.utils import get_map_location, multi_indexing, to_tensor
+from skorch.utils import get_map_location, to_tensor
 from torch import nn
 
 from sklearn_pgnn.annotations import Table
@@ -39,7 +38,7 @@ from sklearn_pgnn.estimators.network.physics_loss import (
     PhysicsLoss,
     balanced_lambda,
 )
-from sklearn_pgnn.estimators.network.records import TrainingRecord
+from sklearn_pgnn.estimators.network.records import TrainingData, TrainingRecord
 from sklearn_pgnn.estimators.network.step_network import (
     StepNetwork,
     ready_to_run,
@@ -78,9 +77,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     _phase: _Phase | None
     _physics: PhysicsLoss | None
-    _validation: list[TrainingRecord]
-    _unmeasured: list[TrainingRecord]
-    _shown: dict[str, Dataset | None]
+    _data: TrainingData | None = None  # during the training on trajectories
     _free_names: tuple[str, ...] = ()  # of the model
     _balance_names: tuple[str, ...] = ()  # of the physical loss alone
     _free: FreeParameters | None = None  # while they are trained
@@ -134,17 +131,8 @@ class TrajectoryNet(NeuralNetRegressor):
             Its arguments.
         """
         if "dataset_train" in cb_kwargs:
-            cb_kwargs |= self._shown
+            cb_kwargs |= self._data.rows if self._data else {}
         super().notify(method_name, **cb_kwargs)
-
-    def _show(self, X, y, records, whole) -> None:
-        """Keep the rows of the training and the held-out trajectories, for callbacks."""
-        held = [any(each is other for other in self._validation) for each in whole]
-        parts = {
-            "dataset_train": [r.rows for r, out in zip(records, held, strict=True) if not out],
-            "dataset_valid": [r.rows for r, out in zip(records, held, strict=True) if out],
-        }
-        self._shown = {name: _rows_of(X, y, rows) for name, rows in parts.items()}
 
     @contextlib.contextmanager
     def _one_phase(self, name: str):
@@ -174,9 +162,9 @@ class TrajectoryNet(NeuralNetRegressor):
             if isinstance(part, BestFreeRun):
                 part.restore(self)
 
-    def _train_steps(self, windows, epochs, **fit_params) -> None:
+    def _train_steps(self, epochs, **fit_params) -> None:
         """Train on single steps; a recurrent core on stretches, the measured state fed back."""
-        length = 1
+        windows, length = self._data.windows, 1
         if hasattr(self.module_.core, "at_rest"):
             length = min(max(20, self.horizon), max(1, max(windows.lengths) - 1))
         own = corrected_states(self.model_, self.structure_)
@@ -187,21 +175,23 @@ class TrajectoryNet(NeuralNetRegressor):
         left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
         self.module_.teacher_forcing = True
         target = windows.at_ends(windows.told_x[:, own], length)
-        self._run_phase(windows, length, target, left, 1.0, epochs, **fit_params)
+        self._run_phase(length, target, left, 1.0, epochs, **fit_params)
 
-    def _train_rollouts(self, training, windows, **fit_params) -> None:
+    def _train_rollouts(self, **fit_params) -> None:
         """Train on windows along which the prediction is fed back; the outputs are compared."""
+        windows = self._data.windows
         length = min(int(self.horizon), max(1, max(windows.lengths) - 1))
         self.module_.teacher_forcing = False
-        left = self._base_error(training, length)
+        left = self._base_error(self._data.records, length)
         target = windows.at_ends(windows.y, length)
-        self._run_phase(windows, length, target, left, 0.1, self.rollout_epochs, **fit_params)
+        self._run_phase(length, target, left, 0.1, self.rollout_epochs, **fit_params)
 
-    def _run_phase(self, windows, length, target, scale, rate, epochs, **fit_params) -> None:
+    def _run_phase(self, length, target, scale, rate, epochs, **fit_params) -> None:
         scale = self._measure(np.where(scale > 0, scale, 1.0))
         scale = torch.as_tensor(scale, device=self.device)
         self._phase = _Phase(epochs, length, scale, rate)
-        batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
+        teacher = self.module_.teacher_forcing
+        batch = self._data.windows.cut(length, self.step_, teacher=teacher)
         if self._free_names:
             for part in ("prior", "terms"):
                 batch.pop(part, None)  # they move with the parameters
@@ -213,13 +203,13 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def _base_error(self, training, length) -> np.ndarray:
         error = base_error(self.step_, training, self._outputs, length)
-        return np.minimum(error, self._spread)
+        return np.minimum(error, self._data.spread)
 
     def _in_reach(self) -> list[TrainingRecord]:
         """Return the unmeasured trajectories that the network, as it is, can run along."""
-        run = self._ready_to_run()
-        runs = [run(each.record)[1] for each in self._unmeasured]
-        found = [each for each, failed in zip(self._unmeasured, runs, strict=True) if failed < 0]
+        run, blind = self._ready_to_run(), self._data.unmeasured
+        runs = [run(each.record)[1] for each in blind]
+        found = [each for each, failed in zip(blind, runs, strict=True) if failed < 0]
         if len(found) < len(runs):
             warn_user(
                 f"in {len(runs) - len(found)} of {len(runs)} trajectories without y the network's "
@@ -230,7 +220,7 @@ class TrajectoryNet(NeuralNetRegressor):
             )
         return found
 
-    def _train_simulation(self, training) -> None:
+    def _train_simulation(self) -> None:
         """Train on the free run of whole trajectories, all weights at once."""
         core, method = self.module_.core, self.refine
         self.module_.teacher_forcing = False
@@ -248,7 +238,7 @@ class TrajectoryNet(NeuralNetRegressor):
             bounds = np.append(-unbounded, self._free.low), np.append(unbounded, self._free.high)
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
-        objective = self._objective([*training, *self._in_reach()])
+        objective = self._objective([*self._data.records, *self._in_reach()])
         first, everyone = len(self.history), self.callbacks_
         # schedulers have nothing to do in a phase without the optimizer
         self.callbacks_ = [each for each in everyone if not isinstance(each[1], LRScheduler)]
@@ -274,7 +264,7 @@ class TrajectoryNet(NeuralNetRegressor):
             self._measure(self._base_error(training, None)),
             self._physics,
             self.lambda_phy_,
-            self._stride,
+            self._data.stride,
             self._threads,
             OverlapCost(self._overlap, self.module_.core, self.overlap) if weighs else None,
         )
@@ -289,14 +279,14 @@ class TrajectoryNet(NeuralNetRegressor):
 
     # -- the model's parameters --------------------------------------------------------------------
 
-    def _free_parameters(self, windows) -> None:
+    def _free_parameters(self) -> None:
         """Let the model's parameters be trained, from their present values."""
         self._free, self._overlap = None, None
         names = self._free_names + self._balance_names
         if names:
             self._free = FreeParameters.of(self._prior, self.model_, names)
             if self._free_names and self.structure_ in ON_THE_MODEL:
-                self._overlap = Overlap(self.step_, self._free, windows)
+                self._overlap = Overlap(self.step_, self._free, self._data.windows)
 
     def _changes(self) -> np.ndarray:
         """Return the present relative changes of the parameters."""
@@ -309,7 +299,7 @@ class TrajectoryNet(NeuralNetRegressor):
         """Return the present values of the parameters, as tensors."""
         return {} if self._free is None else self._free.values(self.module_.changes)
 
-    def _settle_parameters(self, training) -> None:
+    def _settle_parameters(self) -> None:
         """Set the model's parameters to their last values, and store their uncertainty."""
         self.parameters_: dict[str, Estimate] = {}
         self.dissipation_: dict[str, float] = {}
@@ -318,7 +308,7 @@ class TrajectoryNet(NeuralNetRegressor):
         free, changes = self._free, self._changes()
         reach = np.full(len(free.names), np.inf)
         if type(self.module_.core) is FeedForward:
-            objective = self._objective(training)
+            objective = self._objective(self._data.records)
             objective.lambda_phy, objective.overlap = 0.0, None
             theta = np.append(weights_of(self.module_.core), changes)
             reach = NORMAL_95 * parameter_errors(objective, theta)
@@ -364,12 +354,12 @@ class TrajectoryNet(NeuralNetRegressor):
         """Return the free-run error of the held-out trajectories, in deviations of the outputs."""
         errors: list[np.ndarray] = []
         run = self._ready_to_run()
-        for each in self._validation:
+        for each in self._data.validation:
             x, failed = run(each.record)
             if failed >= 0:
                 return np.inf
             errors.append(
-                ((self._outputs(each.record, x) - each.y) / self._spread)[each.scored_from :]
+                ((self._outputs(each.record, x) - each.y) / self._data.spread)[each.scored_from :]
             )
         return float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))
 
@@ -480,8 +470,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def __getstate__(self):
         state = {name: part for name, part in self.__dict__.items() if name not in _TRAINED}
-        # of a training that is going on
-        state |= {"_phase": None, "_validation": [], "_unmeasured": [], "_shown": {}}
+        state |= {"_phase": None, "_data": None}  # of a training that is going on
         if self.initialized_:
             weights = self.module_.state_dict()
             state["_weights"] = {name: part.cpu().numpy() for name, part in weights.items()}
@@ -539,11 +528,3 @@ def _warn_of_lost(objective: SimulationObjective, theta) -> None:
             f"trajectories.",
             SimulationWarning,
         )
-
-
-def _rows_of(X, y, pieces) -> Dataset | None:
-    """Return rows of a table and its outputs, if there are any."""
-    if not pieces:
-        return None
-    rows = np.sort(np.concatenate(pieces))
-    return Dataset(multi_indexing(X, rows), multi_indexing(y, rows))
