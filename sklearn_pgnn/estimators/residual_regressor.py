@@ -179,7 +179,13 @@ class ResidualRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, BaseEs
         X = validate_table(self, X, reset=True)
         self._single_output = np.asarray(y).ndim == 1
         if self.model is None:
-            features, error = self._plain(X), _plain_outputs(X, y)
+            features, allowed = (
+                self._plain(X),
+                {"ensure_2d": False, "ensure_all_finite": "allow-nan"},
+            )
+            y = check_array(y, dtype=float, input_name="y", **allowed)
+            check_consistent_length(X, y)
+            error = y.reshape(len(y), -1)
         else:
             features, error = self._simulate_and_compare(X, y)
         rows = np.isfinite(error).all(axis=1)
@@ -301,10 +307,3 @@ def _for_targets(regressor, target):
     """Return a regressor that takes the targets, one copy per output where it takes only one."""
     takes = target.ndim == 1 or get_tags(regressor).target_tags.multi_output
     return regressor if takes else MultiOutputRegressor(regressor)
-
-
-def _plain_outputs(X, y) -> np.ndarray:
-    """Return the outputs as an array, without a model."""
-    y = check_array(y, ensure_2d=False, ensure_all_finite="allow-nan", dtype=float, input_name="y")
-    check_consistent_length(X, y)
-    return y.reshape(len(y), -1)

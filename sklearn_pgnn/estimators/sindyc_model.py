@@ -41,7 +41,9 @@ def identified_model(
         found = _coefficients(state, terms, row, taken, base.unit(state), T)
         total = sympy.Add(*(symbol(p.name) * term for p, term in found))
         if T is not None:
-            total = (_without_sticking(total, base) - symbol(state)) / symbol(interval.name)
+            # a simulation splits no steps there: a map describes no sticking between two samples
+            signs = {sympy.sign(x): sympy.sign(sympy.tanh(x)) for x in map(symbol, base.states)}
+            total = (total.xreplace(signs) - symbol(state)) / symbol(interval.name)
         equations[state] = total
         new |= {parameter.name: parameter for parameter, _ in found}
     return base.replace(
@@ -136,12 +138,3 @@ def _free_name(wanted: str, taken: set[str]) -> str:
         name, number = f"{wanted}_{number}", number + 1
     taken.add(name)
     return name
-
-
-def _without_sticking(expression, base: PhysicsModel):
-    """Write the sign of a state so that a simulation does not split its steps there.
-
-    A state under dry friction sticks between two samples; a map describes nothing between them.
-    """
-    signs = {sympy.sign(symbol(s)): sympy.sign(sympy.tanh(symbol(s))) for s in base.states}
-    return expression.xreplace(signs)

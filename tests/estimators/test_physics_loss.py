@@ -25,7 +25,7 @@ from sklearn_pgnn.estimators.network.physics_loss import (
 from sklearn_pgnn.estimators.network.records import TrainingRecord
 from sklearn_pgnn.estimators.network.step_network import StepNetwork, step_with, weights_of
 from sklearn_pgnn.estimators.network.structure import BASE_OF, gain_of
-from sklearn_pgnn.simulation.network_run import NetworkStep, network_record
+from sklearn_pgnn.simulation.network_run import NetworkStep, network_record, samples_of
 
 CART = systems.cart_on_spring()
 WITH_ENERGY = [CART, systems.golf_robot(), systems.servo_valve()]
@@ -233,11 +233,7 @@ def problem(terms, lambda_phy, *, structure="correction", n=40, stride=1):
     )
 
     def loss():
-        samples = {
-            "t": t, "dt": np.append(np.diff(t), 0.0), "acting": u,
-            "acting_next": np.vstack([u[1:], u[-1:]]),
-        }  # fmt: skip
-        rollout = StepNetwork(core, step, samples)
+        rollout = StepNetwork(core, step, samples_of(t, u))
         rollout.teacher_forcing = False
         found = rollout(*window[:1], *window[1:], torch.arange(n - 1)[None])
         error = ((found[0, :, :1] - torch.as_tensor(y[1:])) / 0.02) ** 2

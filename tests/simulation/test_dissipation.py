@@ -23,6 +23,7 @@ from sklearn_pgnn.simulation.network_run import (
     NetworkStep,
     network_record,
     run_network,
+    samples_of,
     term_values,
 )
 from sklearn_pgnn.simulation.simulate import simulate
@@ -129,13 +130,7 @@ def test_torch_and_the_compiled_loop_agree(lossy, guide):
     step, record = step_of(lossy, guide, rng), record_of(rng, guide)
     core = core_for(step)
     x, failed = ready_to_run(core, step)(record)
-    samples = {
-        "t": record.t,
-        "dt": np.append(np.diff(record.t), 0.0),
-        "acting": record.acting,
-        "acting_next": np.vstack([record.acting[1:], record.acting[-1:]]),
-    }
-    network = StepNetwork(core, step, samples)
+    network = StepNetwork(core, step, samples_of(record.t, record.acting))
     network.teacher_forcing = False
     window = {
         "x": torch.as_tensor(record.x0)[None, None],

@@ -32,6 +32,7 @@ from sklearn_pgnn.simulation.network_run import (
     network_record,
     prior_steps,
     run_network,
+    samples_of,
     term_values,
 )
 from sklearn_pgnn.simulation.simulate import simulate
@@ -96,13 +97,7 @@ def core_for(step, kind, seed=0, neurons=4):
 
 def as_module(core, step, record):
     """Return the torch network and the trajectory as its one window, the prediction fed back."""
-    samples = {
-        "t": record.t,
-        "dt": np.append(np.diff(record.t), 0.0),
-        "acting": record.acting,
-        "acting_next": np.vstack([record.acting[1:], record.acting[-1:]]),
-    }
-    network = StepNetwork(core, step, samples)
+    network = StepNetwork(core, step, samples_of(record.t, record.acting))
     network.teacher_forcing = False
     n = record.t.size - 1
     window = {

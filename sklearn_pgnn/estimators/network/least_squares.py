@@ -299,15 +299,11 @@ def _next_step(objective, theta, now: Sums, damping: float, size: np.ndarray, bo
         step = np.clip(theta + step * moves, low, high) - theta
         cost = objective.cost(theta + step)
         if cost < now.cost and (after := objective(theta + step)).is_finite:
-            share = min((now.cost - cost) / max(_expected_gain(now, step), TINY), 1.0)
+            expected = -float(now.gradient @ step + step @ now.curvature @ step / 2)
+            share = min((now.cost - cost) / max(expected, TINY), 1.0)
             return theta + step, after, damping * max(1 / 3, 1 - (2 * share - 1) ** 3)
         damping, stiffen = damping * stiffen, 2 * stiffen
     return None
-
-
-def _expected_gain(sums: Sums, step: np.ndarray) -> float:
-    """Return the decrease that the quadratic model predicts."""
-    return -float(sums.gradient @ step + step @ sums.curvature @ step / 2)
 
 
 def _has_settled(costs: list[float]) -> bool:

@@ -302,8 +302,9 @@ class PhysicsLoss:
                     f"{tuple(u.shape[:2])}, a residual for every step."
                 )
             if not torch.isfinite(h).all() and torch.isfinite(x).all():
+                name = getattr(term.residual, "__name__", type(term).__name__)
                 raise NotFinite(
-                    f"physics_loss: {_name_of(term)} is not finite, though the states are. Remedy: "
+                    f"physics_loss: {name} is not finite, though the states are. Remedy: "
                     f"keep roots, logarithms and divisions of it inside their domain "
                     f"(torch.clamp), or leave the term out."
                 )
@@ -318,11 +319,6 @@ class PhysicsLoss:
             for term, h in zip(self.terms, self.residuals(x, u, t, tuned), strict=True)
         ]
         return torch.stack(costs).sum()
-
-
-def _name_of(term: PhysicsTerm) -> str:
-    """Return the name of a term; for a user-defined function, the function's name."""
-    return getattr(term.residual, "__name__", type(term).__name__)
 
 
 def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:

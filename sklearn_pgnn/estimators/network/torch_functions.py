@@ -99,15 +99,12 @@ def _function(node):
         return _power(*map(_as_tensor, parts), node.exp)
     if node.func not in _FUNCTIONS:
         raise ValueError(f"expected a function that torch has, got {node.func.__name__!r}.")
-    return _apply(_FUNCTIONS[node.func], [_as_tensor(part) for part in parts])
+    function, parts = _FUNCTIONS[node.func], [_as_tensor(part) for part in parts]
+    return lambda values: function(*[part(values) for part in parts])
 
 
 def _chain(operation, parts):
     return lambda values: reduce(operation, [part(values) for part in parts])
-
-
-def _apply(function, parts):
-    return lambda values: function(*[part(values) for part in parts])
 
 
 def _as_tensor(part):
