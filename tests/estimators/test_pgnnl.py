@@ -472,14 +472,6 @@ def test_prediction_is_causal():
     assert np.array_equal(net.predict(cut[:100]), net.predict(cut)[:100])
 
 
-@pytest.mark.slow
-def test_rows_may_be_interleaved():
-    net = quick().fit(X, Y)
-    mixed = X.sort_values("t", kind="stable")
-    found = pd.Series(net.predict(mixed), index=mixed.index).sort_index()
-    assert np.array_equal(found, net.predict(X))
-
-
 # -- one step at a time ----------------------------------------------------------------------------
 
 

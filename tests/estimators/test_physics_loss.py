@@ -1,5 +1,9 @@
 """The physical terms: laws they must obey, numbers by hand, and the weight they get."""
 
+import copy
+import pickle
+
+import braked_cart
 import numpy as np
 import pandas as pd
 import pytest
@@ -584,3 +588,82 @@ def test_the_loss_of_single_steps_is_the_papers(lambda_phy):
 def test_scaled_is_yes_or_no():
     with pytest.raises(ValueError, match="scaled: expected True or False, got 'J'"):
         PGNNLRegressor(CART, scaled="J").fit(*one_cart_record())
+
+
+# -- a balance with a dissipation of its own, whose parameters are trained -------------------------
+
+BRAKED, LONG = braked_cart.CART, braked_cart.QUICK
+OWN = network.EnergyBalance(dissipated="d*v**2 + c*abs(v)**3", parameters={"c": 0.1})
+BRAKED_X, BRAKED_Y = braked_cart.records()
+
+
+@pytest.fixture(scope="module")
+def balanced():
+    return PGNNLRegressor(BRAKED, lambda_phy=0.1, physics_loss=OWN, **LONG).fit(BRAKED_X, BRAKED_Y)
+
+
+@pytest.mark.slow
+def test_the_parameter_of_a_balance_is_found(balanced):
+    assert balanced.dissipation_["c"] == pytest.approx(0.5, rel=0.1)
+    assert balanced.model_.parameters["c"].value == balanced.dissipation_["c"]
+    assert balanced.parameters_ == {}
+    assert "c" not in BRAKED.parameters
+
+
+@pytest.mark.slow
+def test_the_residual_is_that_of_the_trained_balance(balanced):
+    own, priors = (
+        np.nanmean(each.physics_residual(BRAKED_X) ** 2)
+        for each in (
+            balanced,
+            PGNNLRegressor(BRAKED, lambda_phy=0.0, **LONG).fit(BRAKED_X, BRAKED_Y),
+        )
+    )
+    assert own < 0.2 * priors
+
+
+@pytest.mark.slow
+def test_a_trained_balance_survives_copies(balanced):
+    for again in (copy.deepcopy(balanced), pickle.loads(pickle.dumps(balanced))):
+        assert np.array_equal(again.predict(BRAKED_X), balanced.predict(BRAKED_X))
+        assert np.array_equal(
+            again.physics_residual(BRAKED_X), balanced.physics_residual(BRAKED_X), equal_nan=True
+        )
+
+
+def test_the_parameter_does_not_become_negative():
+    drives = network.EnergyBalance(
+        dissipated="d*v**2 + 9*v**2 + c*abs(v)**3", parameters={"c": 0.1}
+    )
+    options = {**LONG, "refine_max_iter": 5, "max_epochs": 2}
+    balanced = PGNNLRegressor(BRAKED, lambda_phy=0.5, physics_loss=drives, **options).fit(
+        BRAKED_X, BRAKED_Y
+    )
+    assert 0 <= balanced.dissipation_["c"] < 0.1
+
+
+def test_without_a_weight_no_balance_is_trained():
+    options = {**LONG, "refine": None, "max_epochs": 1}
+    one = PGNNLRegressor(BRAKED, physics_loss=OWN, **options).fit(BRAKED_X, BRAKED_Y)
+    assert one.dissipation_ == {}
+    assert np.array_equal(
+        one.predict(BRAKED_X),
+        PGNNLRegressor(BRAKED, **options).fit(BRAKED_X, BRAKED_Y).predict(BRAKED_X),
+    )
+
+
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [
+        (
+            network.EnergyBalance(parameters={"c": 1.0}),
+            "expected 'dissipated' with c in it, got none",
+        ),
+        (network.EnergyBalance(dissipated="d*v**2", parameters={"d": 1.0}), r"free=\['d'\] trains"),
+        (network.EnergyBalance(dissipated="d*v**2 + e"), "'e'"),
+        (network.EnergyBalance(dissipated="c*v", parameters={"c": -1.0}), "within its bounds"),
+    ],
+)
+def test_balances_that_cannot_be(term, message):
+    with pytest.raises(ValueError, match=message):
+        PGNNLRegressor(BRAKED, lambda_phy=0.1, physics_loss=term, **LONG).fit(BRAKED_X, BRAKED_Y)

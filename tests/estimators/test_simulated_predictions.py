@@ -73,6 +73,25 @@ def test_the_states_are_those_behind_the_outputs(estimator):
     assert np.sqrt(np.mean((found - states) ** 2)) < 0.05 * states.std()
 
 
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        PhysicsModelRegressor(CART, search="local"),
+        ResidualRegressor(CART),
+        SINDYcRegressor(CART, degree=1),
+        PGNNLRegressor(CART, **QUICK),
+    ],
+    ids=lambda each: type(each).__name__,
+)
+def test_predictions_have_the_rows_of_the_table_and_the_shape_of_y(estimator):
+    for y in (Y, pd.Series(Y, X.index), Y[:, None], pd.DataFrame({"position": Y}, X.index)):
+        fitted = clone(estimator).fit(X, y)
+        assert fitted.predict(X).shape == y.shape
+    order = np.lexsort((X["t"], X["trajectory"]))  # one trajectory after the other
+    assert np.array_equal(fitted.predict(X.iloc[order]), fitted.predict(X)[order])
+    assert fitted.feature_names_in_.tolist() == list(X.columns)
+
+
 @pytest.mark.parametrize("method", ["predict_states", "predict_ahead"])
 @pytest.mark.parametrize(
     ("estimator", "why"),

@@ -1,13 +1,10 @@
 """SINDYcRegressor: known systems found again, and what it promises about records."""
 
 import copy
-import subprocess
 import sys
 import warnings
 from itertools import product
-from pathlib import Path
 
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,13 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
-from sklearn.base import clone
 from sklearn.linear_model import Lasso
 from sklearn.metrics import r2_score
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-import sklearn_pgnn
 from sklearn_pgnn import (
     PhysicsModel,
     PhysicsModelRegressor,
@@ -350,12 +345,6 @@ def test_records_of_other_sampling_rates_go_together():
     assert found == pytest.approx({"y": -2.0, "u": 6.0}, rel=1e-3)
 
 
-@pytest.mark.parametrize("y", [SPRING_Y, SPRING_Y["position"], SPRING_Y.to_numpy().ravel()])
-def test_one_dimensional_outputs_stay_so(y):
-    fitted = SINDYcRegressor(SPRING, span=0.05).fit(SPRING_X, y)
-    assert fitted.predict(SPRING_X).shape == y.shape
-
-
 # -- libraries and optimizers ----------------------------------------------------------------------
 
 
@@ -543,14 +532,16 @@ def test_what_cannot_be_done_is_refused(options, message):
         SINDYcRegressor(SPRING, **options).fit(SPRING_X, SPRING_Y + 1.0)
 
 
-def test_the_terms_of_no_model_are_refused():
-    with pytest.raises(ValueError, match=r"'model' needs a model, got none. Remedy: give model="):
-        SINDYcRegressor(library="model").fit(np.eye(3), np.ones(3))
-
-
-def test_a_map_of_rows_without_a_time_is_refused():
-    with pytest.raises(ValueError, match=r"discrete=True needs samples in time.*Remedy: give X a"):
-        SINDYcRegressor(discrete=True).fit(np.eye(3), np.ones(3))
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"library": "model"}, r"'model' needs a model, got none. Remedy: give model="),
+        ({"discrete": True}, r"discrete=True needs samples in time.*Remedy: give X a"),
+    ],
+)
+def test_what_rows_alone_cannot_do_is_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        SINDYcRegressor(**options).fit(np.eye(3), np.ones(3))
 
 
 def test_nothing_left_is_said():
@@ -588,23 +579,6 @@ def test_pysindy_missing_is_said(monkeypatch):
         SINDYcRegressor().fit(np.eye(3), np.ones(3))
 
 
-@pytest.mark.slow
-def test_survives_joblib_in_another_process(tmp_path, spring):
-    joblib.dump((spring, SPRING_X), tmp_path / "fitted.joblib")
-    script = (
-        "import sys, joblib; fitted, X = joblib.load('fitted.joblib');"
-        "joblib.dump((fitted.predict(X), 'pysindy' in sys.modules), 'found.joblib')"
-    )
-    root = Path(sklearn_pgnn.__file__).parents[1]
-    subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, check=True,
-        env={"PYTHONPATH": str(root), "PATH": "", "HOME": str(tmp_path)},
-    )  # fmt: skip
-    found, needed_pysindy = joblib.load(tmp_path / "found.joblib")
-    np.testing.assert_array_equal(found, spring.predict(SPRING_X))
-    assert not needed_pysindy
-
-
 def test_verbose_prints_the_stages(capsys):
     SINDYcRegressor(SPRING, degree=3).fit(SPRING_X, SPRING_Y)
     assert capsys.readouterr().out == ""
@@ -616,21 +590,12 @@ def test_verbose_prints_the_stages(capsys):
     assert lines[1].endswith(f" rows, 20 terms, targets: v; {left} terms are left")
 
 
-def test_survives_copies(spring):
-    expected = spring.predict(SPRING_X)
-    np.testing.assert_array_equal(copy.deepcopy(spring).predict(SPRING_X), expected)
-    again = clone(spring).fit(SPRING_X, SPRING_Y)
-    np.testing.assert_array_equal(again.predict(SPRING_X), expected)
-
-
-@pytest.mark.parametrize("kind", ["rates", "map", "rows"])
-def test_survives_skops_with_a_list_of_trusted_types(kind, spring):
+@pytest.mark.parametrize("kind", ["map", "rows"])
+def test_survives_skops_with_a_list_of_trusted_types(kind):
     skops = pytest.importorskip("skops.io")
     X = SPRING_X if kind != "rows" else SPRING_X[["t", "force"]].to_numpy()
-    fitted = spring
-    if kind != "rates":
-        model = SPRING if kind == "map" else None
-        fitted = SINDYcRegressor(model, discrete=kind == "map").fit(X, SPRING_Y)
+    model = SPRING if kind == "map" else None
+    fitted = SINDYcRegressor(model, discrete=kind == "map").fit(X, SPRING_Y)
     data = skops.dumps(fitted)
     trusted = [
         "sklearn_pgnn.estimators.sindyc.SINDYcRegressor",
