@@ -102,6 +102,12 @@ class NetworkStep:
         """Number of the network's outputs."""
         return self.gain.shape[2]
 
+    def values_at(self, changes) -> dict:
+        """Return the free parameters' values after relative changes, of shape (..., n_free)."""
+        given = zip(self.free, parameter_units(self.model, self.free), strict=True)
+        own = self.model.parameters
+        return {name: own[name].value + u * changes[..., i] for i, (name, u) in enumerate(given)}
+
 
 @dataclass(frozen=True)
 class NetworkRecord:

@@ -19,7 +19,6 @@ from sklearn_pgnn.estimators.network.torch_functions import outputs_of
 from sklearn_pgnn.simulation.network_run import (
     FreeRun,
     NetworkStep,
-    parameter_units,
     run_network,
 )
 from sklearn_pgnn.simulation.uncertainty import FLAT, invert
@@ -174,7 +173,7 @@ class SimulationObjective:
         parameters = self._parameters(changes, len(rows))
         outputs = outputs_of(
             self.step.model, states, u, torch.as_tensor(record.record.t[after]),
-            self._values(parameters),
+            self.step.values_at(parameters),
         )  # fmt: skip
         factor = (1.0 - self.lambda_phy) / self.n_errors
         for i, scale in enumerate(self.scale):
@@ -192,7 +191,7 @@ class SimulationObjective:
         u = torch.as_tensor(record.record.u[k, None])
         times = torch.as_tensor(np.stack([record.record.t[k], record.record.t[k + 1]], axis=1))
         parameters = self._parameters(changes, len(k))
-        values = {name: each[:, None] for name, each in self._values(parameters).items()}
+        values = {name: each[:, None] for name, each in self.step.values_at(parameters).items()}
         found = self.physics.residuals(ends, u, times, values)
         for term, h in zip(self.physics.terms, found, strict=True):
             factor = self.lambda_phy * term.weight / (self._n_steps * h.shape[2])
@@ -207,14 +206,6 @@ class SimulationObjective:
     def _parameters(self, changes, n: int) -> torch.Tensor:
         """Return the changes of the free parameters for every one of n samples."""
         return torch.tensor(np.tile(changes, (n, 1))).requires_grad_()
-
-    def _values(self, parameters) -> dict:
-        """Return the free parameters' values for every sample."""
-        units = parameter_units(self.step.model, self.step.free)
-        return {
-            name: self.step.model.parameters[name].value + unit * parameters[:, i]
-            for i, (name, unit) in enumerate(zip(self.step.free, units, strict=True))
-        }
 
 
 class OverlapCost:

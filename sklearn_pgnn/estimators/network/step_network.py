@@ -18,7 +18,6 @@ from sklearn_pgnn.simulation.network_run import (
     NetworkRecord,
     NetworkStep,
     energy_values,
-    parameter_units,
     prior_steps,
     samples_of,
     term_values,
@@ -185,11 +184,7 @@ def step_with(core: nn.Module, step: NetworkStep) -> NetworkStep:
 
 def tuned(step: NetworkStep, changes: np.ndarray) -> NetworkStep:
     """Return a step with its free parameters set to their values; the guide stays the same."""
-    units = parameter_units(step.model, step.free)
-    values = {
-        name: step.model.parameters[name].value + float(unit * change)
-        for name, unit, change in zip(step.free, units, changes, strict=True)
-    }
+    values = {name: float(value) for name, value in step.values_at(changes).items()}
     model = step.model.with_parameters(**values)
     return replace(step, model=model, guide_model=step.terms_from, free=())
 
