@@ -162,13 +162,8 @@ def samples_of(t: np.ndarray, acting: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hidden=None):
-    """Run a network in free run along a trajectory, see `FreeRun`."""
-    return FreeRun(step, theta)(record, hidden)
-
-
 class FreeRun:
-    """A network in free run, prepared once for many trajectories.
+    """A network in free run along trajectories, prepared once for many of them.
 
     `theta` are the network's weights, then the relative changes of the step's free parameters; with
     `differs` the states can be differentiated by these, for a feed-forward core.
@@ -180,16 +175,14 @@ class FreeRun:
         self._functions, self._settings = _functions_and_settings(step, theta, free)
         self._unit = parameter_units(step.model, step.free)
 
-    def __call__(self, record: NetworkRecord, hidden=None):
+    def __call__(self, record: NetworkRecord):
         """Run along a trajectory.
 
-        `hidden`, the state of a recurrent core, is changed in place; by default it is zeros that
-        are forgotten. Return the states, of shape (n_samples, n_states), the last ones within reach
-        being repeated once they leave it, and the first sample out of reach, -1 if there is none.
+        Return the states, of shape (n_samples, n_states), the last ones within reach being repeated
+        once they leave it, and the first sample out of reach, -1 if there is none.
         """
         n, nx = record.t.size, record.x0.size
-        recurs = self._step.core == "recurrent"
-        hidden = np.zeros(self._step.sizes[1] if recurs else 0) if hidden is None else hidden
+        hidden = np.zeros(self._step.sizes[1] if self._step.core == "recurrent" else 0)
         states, none = np.empty((n, nx)), np.zeros((n, nx, 0))
         begun = record.x0.copy(), hidden, none[0], 0, np.arange(n)
         failed = self._run(record, *begun, states, none)

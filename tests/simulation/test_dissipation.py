@@ -22,7 +22,6 @@ from sklearn_pgnn.simulation.network_run import (
     FreeRun,
     NetworkStep,
     network_record,
-    run_network,
     samples_of,
     term_values,
 )
@@ -164,7 +163,7 @@ def test_sensitivities_are_the_derivatives(lossy, guide):
         ends = [theta.copy(), theta.copy()]
         ends[0][i] += 1e-6
         ends[1][i] -= 1e-6
-        up, down = (run_network(step, end, record)[0] for end in ends)
+        up, down = (FreeRun(step, end)(record)[0] for end in ends)
         columns.append((up - down) / 2e-6)
     expected = np.stack(columns, axis=-1)
     pieces = list(FreeRun(step, theta, differs=True).pieces(record, np.arange(40), 16))

@@ -31,7 +31,6 @@ from sklearn_pgnn.simulation.network_run import (
     names_in_terms,
     network_record,
     prior_steps,
-    run_network,
     samples_of,
     term_values,
 )
@@ -225,7 +224,7 @@ def test_zero_weights_are_the_model_itself(model, hold):
         mean=np.zeros(3), scale=np.ones(3),
     )  # fmt: skip
     record = network_record(model, t, u, x0, hold=hold)
-    x, failed = run_network(*idle(step), record)
+    x, failed = FreeRun(*idle(step))(record)
     assert failed == -1
     assert np.array_equal(x, simulate(model, t, u, x0, substeps=3, hold=hold).x)
     if model is GOLF:  # it does stick
@@ -236,7 +235,7 @@ def test_increment_of_nothing_stays():
     rng = np.random.default_rng(3)
     step = step_of(CART, "increment", None, rng)
     record = bare(record_of(CART, rng), step)
-    assert np.array_equal(run_network(*idle(step), record)[0], np.tile(record.x0, (60, 1)))
+    assert np.array_equal(FreeRun(*idle(step))(record)[0], np.tile(record.x0, (60, 1)))
 
 
 def test_constant_acceleration_moves_position_by_half_the_step_squared():
@@ -246,7 +245,7 @@ def test_constant_acceleration_moves_position_by_half_the_step_squared():
     record = bare(record_of(free, rng), step)
     step, theta = idle(step)
     theta[-1] = 1.0 / step.gain[1, 1, 0]  # the bias: 1 m/s^2
-    x, t = run_network(step, theta, record)[0], record.t - record.t[0]
+    x, t = FreeRun(step, theta)(record)[0], record.t - record.t[0]
     assert x[:, 1] == pytest.approx(record.x0[1] + t)
     assert x[:, 0] == pytest.approx(record.x0[0] + record.x0[1] * t + t**2 / 2)
 
@@ -262,7 +261,7 @@ def test_out_of_reach_is_flagged_and_finite(structure, weight):
     record = bare(record_of(CART, rng), step)
     step, theta = idle(step)
     theta[:] = weight * 1e3
-    x, failed = run_network(step, theta, record)
+    x, failed = FreeRun(step, theta)(record)
     assert failed > 0
     assert np.isfinite(x).all()
     assert np.array_equal(x[failed:], np.tile(x[failed - 1], (len(x) - failed, 1)))
@@ -291,7 +290,7 @@ def differences(step, theta, record, small=1e-6):
         for sign in (1, -1):
             moved = theta.copy()
             moved[i] += sign * small
-            ends.append(run_network(step, moved, record)[0])
+            ends.append(FreeRun(step, moved)(record)[0])
         columns.append((ends[0] - ends[1]) / (2 * small))
     return np.stack(columns, axis=-1)
 
@@ -331,7 +330,7 @@ def test_sensitivities_jump_where_the_friction_changes_its_side(torque):
     torch.manual_seed(0)
     core = FeedForward(3, 1, neurons=3, layers=1).double()
     step, theta = step_with(core, step), weights_of(core)
-    x = run_network(step, theta, record)[0]
+    x = FreeRun(step, theta)(record)[0]
     assert np.sum(np.diff(np.sign(x[:, 1])) != 0) >= 4
     expected, found = differences(step, theta, record), sensitivities(step, theta, record)
     # where a sample and an event meet, differences straddle the corner: it may be a few samples
@@ -348,7 +347,7 @@ def test_pieces_make_no_difference():
     step, theta = step_with(core, step), weights_of(core)
     whole = sensitivities(step, theta, record)
     assert np.array_equal(sensitivities(step, theta, record, length=7), whole)
-    wanted, states = np.arange(2, len(record.t), 3), run_network(step, theta, record)[0]
+    wanted, states = np.arange(2, len(record.t), 3), FreeRun(step, theta)(record)[0]
     for samples, x, S in FreeRun(step, theta, differs=True).pieces(record, wanted, 7):
         assert np.array_equal(S, whole[samples])
         assert x == pytest.approx(states[samples])
@@ -410,11 +409,11 @@ def test_the_terms_that_guide_a_network_are_parts_of_the_rates(model, quantities
 SCRIPT = """
 import pickle, sys
 import numpy as np
-from sklearn_pgnn.simulation.network_run import FreeRun, run_network
+from sklearn_pgnn.simulation.network_run import FreeRun
 step, theta, record = pickle.load(open(sys.argv[1], "rb"))
 samples = np.arange(record.t.size)
 *_, (_, x, S) = FreeRun(step, theta, differs=True).pieces(record, samples)
-np.savez(sys.argv[2], alone=run_network(step, theta, record)[0], x=x, S=S)
+np.savez(sys.argv[2], alone=FreeRun(step, theta)(record)[0], x=x, S=S)
 """
 
 
@@ -433,7 +432,7 @@ def test_a_network_gives_the_same_bits_in_another_process(tmp_path, plain_calls)
         check=True,
     )
     result = np.load(tmp_path / "result.npz")
-    assert np.array_equal(result["alone"], run_network(*given)[0])
+    assert np.array_equal(result["alone"], FreeRun(*given[:2])(record)[0])
     *_, (_, x, S) = FreeRun(*given[:2], differs=True).pieces(record, np.arange(record.t.size))
     assert np.array_equal(result["x"], x)
     assert np.array_equal(result["S"], S)

@@ -19,7 +19,6 @@ from sklearn_pgnn.estimators.network.torch_functions import outputs_of
 from sklearn_pgnn.simulation.network_run import (
     FreeRun,
     NetworkStep,
-    run_network,
 )
 from sklearn_pgnn.simulation.uncertainty import FLAT, invert
 from sklearn_pgnn.threads import kept_pool
@@ -132,7 +131,7 @@ class SimulationObjective:
         return list(work(lambda record: task(record, theta), self.records))
 
     def _cost_of(self, record, theta) -> float:
-        x, failed = run_network(self.step, theta, record.record)
+        x, failed = FreeRun(self.step, theta)(record.record)
         if failed >= 0:
             return np.inf
         n, samples = len(self.step.free), self._samples(record)

@@ -18,10 +18,10 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_slopes
 from sklearn_pgnn.simulation.network_run import (
+    FreeRun,
     NetworkStep,
     energy_values,
     names_in_terms,
-    run_network,
 )
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.simulation.simulate import simulate
@@ -275,14 +275,14 @@ def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length
     """
     n_in, n_out = len(step.mean), step.n_network_outputs
     idle = replace(step, sizes=(n_in, n_out), loss=None)
-    zero = np.zeros((n_in + 1) * n_out)
+    run = FreeRun(idle, np.zeros((n_in + 1) * n_out))
     squares = []
     for each in records:
         count = len(each.x) - 1
         for k in range(0, count, length or count):
             end = min(k + (length or count), count) + 1
             piece = each.record.piece(k, end, each.x[k] if k else None)
-            x = run_network(idle, zero, piece)[0]
+            x = run(piece)[0]
             squares.append((outputs(piece, x) - each.y[k : k + len(x)])[1:] ** 2)
     error = np.sqrt(of_measured(np.nanmean, np.concatenate(squares)))
     return np.where(error > 0, error, 1.0)
