@@ -4,23 +4,44 @@ The local fit follows the gradient from the model's own values and finds the nea
 global search takes, on some of the windows, the error that the best initial states leave,
 :math:`\sum_w \min_{x_w} |r_w(p, x_w)|^2` to first order in :math:`x_w`, minimises it between the
 parameters' bounds by differential evolution, and fits locally from the best members.
+
+A fit moves the eigenvalues of the model. At the limit of stability of explicit steps its error
+rises like a wall, and the curvature of the wall would pass for information. With steps that are too
+long the optimum is off. So at the optimum the integration steps are looked at again:
+
+.. math:: |\lambda| h \le 2 \qquad\text{and}\qquad
+          |H_{1/2}^{-1} (g_{1/2} - g_1)|_i \le \tfrac{1}{10} \sigma_i,
+
+with the gradients :math:`g` in these steps and in half ones, their Hessian :math:`H_{1/2}`, and the
+standard errors :math:`\sigma`.
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import differential_evolution
 from sklearn.utils import check_random_state
 
 from sklearn_pgnn.estimators.progress import PrintLine, silence
-from sklearn_pgnn.estimators.steps_of_fit import steps_for_fit, with_steps
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
-from sklearn_pgnn.simulation.normal_equations import project
-from sklearn_pgnn.simulation.record_windows import WindowedRecords
-from sklearn_pgnn.simulation.substeps import IMPLICIT
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+from sklearn_pgnn.simulation.normal_equations import normal_equations, project
+from sklearn_pgnn.simulation.record_windows import (
+    WindowedRecords,
+    enough_substeps,
+    speed_in_windows,
+)
+from sklearn_pgnn.simulation.substeps import IMPLICIT, MAX_SUBSTEPS, Steps
+from sklearn_pgnn.simulation.uncertainty import invert, standard_errors
+from sklearn_pgnn.simulation.window_fit import (
+    ParameterPrior,
+    WindowFit,
+    fit_windows,
+    prior_precision,
+)
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: kinds of search; "auto" searches globally if the local fit leaves this many times the noise
@@ -41,6 +62,27 @@ HELD = 1e-10
 ROUNDS, REFINED = 20, 8
 #: relative change of the parameters from which on there is another one
 SETTLED = 1e-3
+#: share of a standard error that is small
+SMALL_SHARE = 0.1
+#: a model may become so many times faster in a further fit before its steps are too long again
+ROOM = 4.0
+
+
+@dataclass(frozen=True)
+class Search:
+    """Which parameters of a model are fitted, and how they are searched."""
+
+    model: PhysicsModel
+    names: tuple[str, ...]
+    kind: str = "auto"
+    random_state: Any = None
+    progress: PrintLine = silence
+    within_spread: bool = False
+
+    @property
+    def free(self) -> tuple[ParameterPrior, ...]:
+        """The parameters with their ranges."""
+        return tuple(freedom_of(self.model, name, self.within_spread) for name in self.names)
 
 
 @dataclass(frozen=True)
@@ -57,76 +99,51 @@ class ParameterFit:
     windowed: WindowedRecords
 
 
-def find_parameters(
-    model: PhysicsModel,
-    windowed: WindowedRecords,
-    names: tuple[str, ...],
-    search: str = "auto",
-    random_state=None,
-    progress: PrintLine = silence,
-    within_spread: bool = False,
-) -> ParameterFit:
-    """Fit parameters of a model to windows."""
-    free = tuple(freedom_of(model, name, within_spread) for name in names)
-    local = fit_locally(model, windowed, free)
-    progress(f"fit from the model's values: {_left(local, windowed)}")
-    if search == "local" or not names or (search == "auto" and not _exceeds(local, windowed, POOR)):
+def find_parameters(search: Search, windowed: WindowedRecords) -> ParameterFit:
+    """Fit parameters to windows."""
+    free, kind = search.free, search.kind
+    local = fit_locally(search.model, windowed, free)
+    search.progress(f"fit from the model's values: {_left(local, windowed)}")
+    if kind == "local" or not free or (kind == "auto" and not _exceeds(local, windowed, POOR)):
         return local
-    start = search_globally(local.fit.model, windowed, free, random_state, progress)
+    start = search_globally(local.fit.model, windowed, free, search)
     found = fit_locally(start, windowed, free)
-    progress(f"fit from the best values between the bounds: {_left(found, windowed)}")
-    return min(local, found, key=lambda each: each.fit.objective)
+    search.progress(f"fit from the best values between the bounds: {_left(found, windowed)}")
+    return _best([local, found])
 
 
 def find_beside_free_run(
-    model: PhysicsModel,
-    windowed: WindowedRecords,
-    whole: Callable[[], WindowedRecords],
-    names: tuple[str, ...],
-    search: str = "auto",
-    random_state=None,
-    progress: PrintLine = silence,
-    within_spread: bool = False,
+    search: Search, windowed: WindowedRecords, whole: Callable[[], WindowedRecords]
 ) -> ParameterFit:
     """Fit parameters to windows, also from the values of the free run where a fit may be stuck.
 
     Windows begin where hidden states are simulated with the values so far, which may hold those.
     """
-    options = search, random_state, progress, within_spread
-    found = find_parameters(model, windowed, names, *options)
-    is_hidden = not set(model.states) <= set(windowed.states.known)
-    if not (names and is_hidden and search != "local" and _exceeds(found, windowed, ABOVE)):
+    found, free = find_parameters(search, windowed), search.free
+    is_hidden = not set(search.model.states) <= set(windowed.states.known)
+    if not (free and is_hidden and search.kind != "local" and _exceeds(found, windowed, ABOVE)):
         return found
-    free = tuple(freedom_of(model, name, within_spread) for name in names)
-    starts, records = dict.fromkeys((model, found.fit.model)), whole()
-    runs = [fit_locally(start, records, free) for start in starts]
-    run = min(runs, key=lambda each: each.fit.objective)
+    starts, records = dict.fromkeys((search.model, found.fit.model)), whole()
+    run = _best([fit_locally(start, records, free) for start in starts])
     again = fit_locally(run.fit.model, windowed, free)
-    progress(f"fit from the values of the free run: {_left(again, windowed)}")
-    return min(found, again, key=lambda each: each.fit.objective)
+    search.progress(f"fit from the values of the free run: {_left(again, windowed)}")
+    return _best([found, again])
 
 
 def find_in_free_run(
-    model: PhysicsModel,
-    short: WindowedRecords,
-    whole: WindowedRecords,
-    names: tuple[str, ...],
-    search: str = "auto",
-    random_state=None,
-    progress: PrintLine = silence,
-    within_spread: bool = False,
+    search: Search, short: WindowedRecords, whole: WindowedRecords
 ) -> ParameterFit:
     """Fit parameters to whole records, from the model's values and from a fit to short windows."""
-    near = model
-    if names:
-        near = find_parameters(
-            model, short, names, search, random_state, progress, within_spread
-        ).fit.model
-    free = tuple(freedom_of(model, name, within_spread) for name in names)
-    fits = [fit_locally(start, whole, free) for start in dict.fromkeys((model, near))]
-    best = min(fits, key=lambda each: each.fit.objective)
-    progress(f"fit to whole trajectories: {_left(best, whole)}")
+    starts = {search.model: None}
+    if search.names:
+        starts[find_parameters(search, short).fit.model] = None
+    best = _best([fit_locally(start, whole, search.free) for start in starts])
+    search.progress(f"fit to whole trajectories: {_left(best, whole)}")
     return best
+
+
+def _best(fits: list[ParameterFit]) -> ParameterFit:
+    return min(fits, key=lambda each: each.fit.objective)
 
 
 def fit_locally(
@@ -138,7 +155,10 @@ def fit_locally(
         steps = steps_for_fit(found.windowed, found.fit, found.expected, found.spread)
         if steps == found.windowed.windows.steps:
             break
-        finer = with_steps(found.windowed, steps)
+        states = copy(found.windowed.states)
+        states.windows = replace(states.windows, **steps._asdict())
+        windows = replace(found.windowed.windows, **steps._asdict())
+        finer = replace(found.windowed, windows=windows, states=states)
         found = _fit_in_steps(found.fit.model, finer, free, tolerance)
     return found
 
@@ -153,16 +173,12 @@ def _fit_in_steps(model: PhysicsModel, windowed: WindowedRecords, free, toleranc
             max_steps=60, tolerance=tolerance,
         )  # fmt: skip
         is_known = set(model.states) <= set(windowed.states.known)
-        if is_known or not np.isfinite(fit.objective) or _is_settled(model, fit):
-            break
+        before = [model.parameters[each.name].value for each in fit.freedoms]
+        settled = np.allclose(fit.values, np.array(before), rtol=SETTLED, atol=0.0)
+        if is_known or not np.isfinite(fit.objective) or settled:
+            break  # hidden states move no more
         model, x0_start = fit.model, fit.x0
     return ParameterFit(fit, expected, spread, windowed)
-
-
-def _is_settled(model: PhysicsModel, fit: WindowFit) -> bool:
-    """Return whether a fit hardly moves the parameters, and so hidden states no more."""
-    before = np.array([model.parameters[each.name].value for each in fit.freedoms])
-    return bool(np.allclose(fit.values, before, rtol=SETTLED, atol=0.0))
 
 
 def _where_told(windowed: WindowedRecords, expected, spread):
@@ -173,17 +189,50 @@ def _where_told(windowed: WindowedRecords, expected, spread):
     return np.where(known, windowed.told, expected), np.where(known, HELD * spread, spread)
 
 
+def steps_for_fit(
+    windowed: WindowedRecords, fit: WindowFit, expected: np.ndarray, spread: np.ndarray
+) -> Steps:
+    """Return the steps in which to fit again, the present ones if the fit depends on none."""
+    windows, now = windowed.windows, windowed.windows.steps
+    if not fit.usable:
+        return now
+    fast = speed_in_windows(fit.model, windows, fit.evaluation)
+    if not now.are_stable(fast):
+        if windowed.steps_are_told:
+            return Steps(IMPLICIT, now.substeps)
+        return enough_substeps(fit.model, replace(windows, substeps=1), fit.x0, ROOM * fast)
+    if windowed.steps_are_told or now.substeps >= MAX_SUBSTEPS or not fit.freedoms:
+        return now
+    double = Steps(now.method, 2 * now.substeps)
+    finer = evaluate(
+        fit.model,
+        replace(windows, **double._asdict()),
+        fit.x0,
+        tuple(freedom.name for freedom in fit.freedoms),
+    )
+    return double if _moves(fit, replace(fit, evaluation=finer), expected, spread) else now
+
+
+def _moves(fit: WindowFit, finer: WindowFit, expected, spread) -> bool:
+    """Return whether finer steps move a parameter by a notable part of its standard error."""
+    if not np.isfinite(finer.evaluation.squares).all():
+        return False
+    before, after = (normal_equations(each, expected, spread) for each in (fit, finer))
+    inverse, _ = invert(after.hessian.sum(axis=0) + prior_precision(fit.freedoms))
+    moved = inverse @ (after.gradient - before.gradient).sum(axis=0)
+    errors = np.array(list(standard_errors(fit, expected, spread).values()))
+    known = np.isfinite(errors) & (errors > 0)
+    return bool((np.abs(moved[known]) > SMALL_SHARE * errors[known]).any())
+
+
 def search_globally(
-    model: PhysicsModel,
-    windowed: WindowedRecords,
-    free,
-    random_state=None,
-    progress: PrintLine = silence,
-):
+    model: PhysicsModel, windowed: WindowedRecords, free, search: Search
+) -> PhysicsModel:
     """Search between the bounds for the values from which a local fit ends lowest."""
     scales = [_Scale.of(freedom) for freedom in free]
-    which = _some(windowed.windows)
-    windows = windowed.windows.select(which)
+    windows = windowed.windows  # of which some are enough, whatever the length of the records
+    every = min(windows.lengths.sum() // SOME_SAMPLES, len(windows) // SOME_WINDOWS)
+    windows = windows.select(np.arange(0, len(windows), max(1, every)))
     estimate = windowed.states.estimate(model)
     expected = estimate.x[windows.starts]
 
@@ -198,7 +247,7 @@ def search_globally(
     def told(intermediate_result) -> None:
         samples = windows.lengths.sum() * windows.y.shape[1]
         size = np.sqrt(np.exp(intermediate_result.fun) / samples)
-        progress(
+        search.progress(
             f"search between the bounds, generation {intermediate_result.nit} of at most "
             f"{GENERATIONS}: error {size:.4g} times the noise"
         )
@@ -214,7 +263,7 @@ def search_globally(
         polish=False,
         init="sobol",
         x0=start,
-        rng=_generator(random_state),
+        rng=np.random.default_rng(check_random_state(search.random_state).randint(2**31 - 1)),
         callback=told,
     )
     order = np.argsort(result.population_energies)[:FOLLOWED]
@@ -224,11 +273,6 @@ def search_globally(
     if not any(fit.usable for fit in fits):
         fits = [fit_windows(each, stable, free, expected, estimate.spread) for each in found]
     return min(fits, key=lambda each: each.objective).model
-
-
-def _generator(random_state) -> np.random.Generator:
-    """Return a random generator for scipy, seeded from scikit-learn's ``random_state``."""
-    return np.random.default_rng(check_random_state(random_state).randint(2**31 - 1))
 
 
 def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spread) -> float:
@@ -271,12 +315,6 @@ class _Scale:
         else:
             place = (value - self.low) / (self.high - self.low)
         return float(np.clip(place, 0.0, 1.0))
-
-
-def _some(windows) -> np.ndarray:
-    """Take every k-th window, so that a search is cheap whatever the length of the records."""
-    step = min(windows.lengths.sum() // SOME_SAMPLES, len(windows) // SOME_WINDOWS)
-    return np.arange(0, len(windows), max(1, step))
 
 
 def _left(found: ParameterFit, windowed: WindowedRecords) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import numpy as np
@@ -14,18 +15,21 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import ArrayLike, Column, RandomState, Table
-from sklearn_pgnn.estimators.network.batches import TensorBatches
+from sklearn_pgnn.estimators.network.batches import TensorBatches, own_random_numbers
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_run import ready_to_run
-from sklearn_pgnn.estimators.network.pieces import PieceRuns
+from sklearn_pgnn.estimators.network.physics_loss import as_terms
 from sklearn_pgnn.estimators.network.prepared_net import PreparedNet
-from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
 from sklearn_pgnn.estimators.network.sample_interval import (
     holds_at_one_interval,
     parts_of_a_step,
 )
+from sklearn_pgnn.estimators.network.step_network import piece_run, ready_to_run
 from sklearn_pgnn.estimators.network.stepper import Stepper
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import (
+    SimulatingMixin,
+    one_simulation_warning,
+)
+from sklearn_pgnn.estimators.table_names import is_timed
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
@@ -45,10 +49,11 @@ if TYPE_CHECKING:
 
 with needed_by("PGNNLRegressor"):
     import torch
+    from skorch.callbacks import BatchScoring
     from torch import nn
 
 
-class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
+class PGNNLRegressor(SimulatingMixin, GapScoreMixin, MultiOutputMixin, PreparedNet):
     r"""A network in feedback, guided by a physical model and by a physical loss (PGNN-L).
 
     .. math:: L = (1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}
@@ -423,82 +428,26 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 for each, x, kept in zip(runs.ready, runs.x, runs.kept, strict=True)
             ]
             y = rows_in_order(runs.records, np.concatenate(found))
-        return y.ravel() if self._single_output else y
+        return self._shaped(y)
 
-    def predict_states(self, X: Table) -> np.ndarray:
-        """Simulate the states of every trajectory in free run from its initial state.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            States of `model_`.
-
-        Raises
-        ------
-        ValueError
-            If it was fitted to independent rows, which have no states.
-        """
-        check_is_fitted(self)
-        if self.model_ is None:
-            raise ValueError(
-                "predict_states: expected an estimator that was fitted to trajectories; "
-                "independent rows have no states."
-            )
+    def _states_of(self, X) -> np.ndarray:
         runs = self._free_runs(X)
         own = [x[kept] for x, kept in zip(runs.x, runs.kept, strict=True)]
         return rows_in_order(runs.records, np.concatenate(own))
 
-    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
-        """Predict every sample from the outputs up to `steps` samples before it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none; the state is estimated from them by a
-            Kalman filter.
-        steps : int, default=1
-            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
-            free run.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-
-        Raises
-        ------
-        OptionError
-            If `steps` is not an integer of at least 1.
-        ValueError
-            If it was fitted to independent rows, or with a core whose hidden state cannot be
-            estimated from the outputs.
-        """
-        check_is_fitted(self)
-        if self.model_ is None:
-            raise ValueError(
-                "predict_ahead: expected an estimator that was fitted to trajectories; "
-                "independent rows have no states."
-            )
+    def _outputs_ahead(self, X, y, steps: int) -> np.ndarray:
         if hasattr(self.module_.core, "at_rest"):
             raise ValueError(
                 f"predict_ahead: expected a core without a hidden state, got "
                 f"{type(self.module_.core).__name__}. Remedy: module=FeedForward."
             )
         runs = self._read_ready(X, y)
-        pieces = PieceRuns(self.module_.core, self.step_)
+        along = piece_run(self.module_.core, self.step_)
         machines = [
-            Machine(record, ready.x0, pieces.along(ready, kept))
+            Machine(record, ready.x0, partial(along, ready, kept))
             for record, ready, kept in zip(runs.records, runs.ready, runs.kept, strict=True)
         ]
-        outputs = predict_ahead(machines, steps, self.noise_)[1]
-        return outputs.ravel() if self._single_output else outputs
+        return predict_ahead(machines, steps, self.noise_)[1]
 
     @property
     def predict_proba(self) -> NoReturn:
@@ -528,9 +477,19 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             If there is no physical term: no model, or no energy.
         """
         check_is_fitted(self)
-        loss = self._bound_loss()
+        loss = self._physics
+        if loss is None:
+            as_terms(self.physics_loss, self.model)
+            raise ValueError(
+                "physics_residual: expected a model with 'energy', or physics_loss, got neither. "
+                "Remedy: give one of them before fit."
+            )
         runs = self._free_runs(X) if states is None else self._read_ready(X)
-        given = None if states is None else self._check_states(X, states)
+        given, shape = None, (len(X), len(self.model_.states))
+        if states is not None:
+            given = np.asarray(states, dtype=float)
+            if given.shape != shape:
+                raise ValueError(f"states: expected shape {shape}, got {given.shape}.")
         trained = {name: each.value for name, each in self.parameters_.items()}
         trained |= self.dissipation_
         found = []
@@ -549,12 +508,6 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 columns[1:, j] = h[:, 0] if h.shape[1] == 1 else np.sqrt(np.mean(h**2, axis=1))
             found.append(columns)
         return rows_in_order(runs.records, np.concatenate(found))
-
-    def _check_states(self, X, states) -> np.ndarray:
-        states, shape = np.asarray(states, dtype=float), (len(X), len(self.model_.states))
-        if states.shape != shape:
-            raise ValueError(f"states: expected shape {shape}, got {states.shape}.")
-        return states
 
     def stepper(self, x0: ArrayLike | None = None, interval: float | None = None) -> Stepper:
         """Return the network as a single step with its state, for a real-time loop.
@@ -612,12 +565,17 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         refuse_fit_params(self, {"sample_weight": fit_params.pop("sample_weight", None)})
         self._check_parameters()
         random = check_random_state(self.random_state)
-        has_time = self._has_time(X)
+        has_time = is_timed(X, self.model, self.time_column)
         with own_random_numbers(), one_thread_each() as self._threads:
             core = self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))
             if has_time:
-                self._check_refinement(core)
+                refines = self.refine not in ("auto", None) and self.refine_max_iter
+                if refines and type(core) is not FeedForward:
+                    raise ValueError(
+                        f"refine={self.refine!r} needs the core FeedForward, got "
+                        f"{type(core).__name__}. Remedy: refine=None."
+                    )
                 self._train_on_trajectories(X, y, random, anew, **fit_params)
             else:
                 self._train_on_rows(X, y, anew, **fit_params)
@@ -635,10 +593,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         y = y.reshape(len(y), -1).astype(float)
         self.model_, self._rows, self.lambda_phy_ = None, (X, y), 0.0
         self.parameters_, self.dissipation_ = {}, {}
-        self._validation, self._phase, self._physics = [], None, None
+        self._data, self._phase, self._physics = None, None, None
         if anew:
             self.initialize()
-        self._shown = {}
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             self.fit_loop(X, y, **fit_params)
@@ -653,28 +610,31 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 f"would hold out windows whose neighbours are trained on. Remedy: "
                 f"validation_fraction=0.2 holds out trajectories."
             )
-        training, windows = self._prepare_training(X, y, random, anew)
+        self._data = data = self._prepare_training(X, y, random, anew)
         if anew:
             self.initialize()
-        self._check_callbacks()
-        self._free_parameters(windows)
-        self.module_.samples, self.module_.free = windows.samples, self._free
+        if any(isinstance(part, BatchScoring) for _, part in self.callbacks_):
+            raise ValueError(
+                "callbacks: BatchScoring scores batches of rows, but a batch of trajectories holds "
+                "windows of them. Remedy: EpochScoring."
+            )
+        self._free_parameters()
+        self.module_.samples, self.module_.free = data.windows.samples, self._free
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             with self._one_phase("single steps"):
                 epochs = self.max_epochs if epochs is None else epochs
-                self._train_steps(windows, epochs, **fit_params)
+                self._train_steps(epochs, **fit_params)
             if self.horizon > 1:
                 with self._one_phase("rollouts"):
-                    self._train_rollouts(training, windows, **fit_params)
+                    self._train_rollouts(**fit_params)
             with self._one_phase("whole trajectories"):
-                self._train_simulation(training)
+                self._train_simulation()
         self._restore_best()
         self.notify("on_train_end", X=X, y=y)
-        self.free_run_error_ = self._validation_error() if self._validation else np.nan
-        self._settle_parameters(training)
-        self.module_.samples, self._phase, self._validation, self._shown = {}, None, [], {}
-        self._unmeasured = []
+        self.free_run_error_ = self._validation_error() if data.validation else np.nan
+        self._settle_parameters()
+        self.module_.samples, self._phase, self._data = {}, None, None
 
     def __sklearn_tags__(self):
         return tags_of_records(super().__sklearn_tags__(), self.model is not None)

@@ -10,16 +10,16 @@ from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import ArrayLike, Column, RandomState, Table
-from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.parameter_search import (
     SEARCHES,
     ParameterFit,
+    Search,
     find_beside_free_run,
     find_in_free_run,
 )
 from sklearn_pgnn.estimators.profile import Profile
 from sklearn_pgnn.estimators.progress import progress_printer
-from sklearn_pgnn.estimators.usual_start import free_run_error, with_usual_start
+from sklearn_pgnn.estimators.simulated_predictions import SimulatingMixin
 from sklearn_pgnn.exceptions import FitWarning, OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_bounds
@@ -57,7 +57,7 @@ from sklearn_pgnn.trajectories.contradicted_states import (
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised, warn_of_standardised_outputs
 from sklearn_pgnn.trajectories.measured import of_measured, warn_of_constant_outputs
-from sklearn_pgnn.trajectories.record import Record, warn_of_repeats
+from sklearn_pgnn.trajectories.record import warn_of_repeats
 from sklearn_pgnn.trajectories.validation import (
     GapScoreMixin,
     check_model,
@@ -72,13 +72,15 @@ from sklearn_pgnn.user_line import warn_user
 WORSE, NOTABLE = 0.1, 0.25
 #: half-width of an interval, as a share of the value, from which on its profile is looked at
 HARDLY = 0.5
+#: least share of the free-run error that another initial state has to remove
+LEAST_SHARE = 0.05
 #: ratio of its ends from which on an interval that reaches to a bound is open
 FAR = 10.0
 #: what a fit to windows can do about it
 FREE_RUN = 'minimise the error of the free run (window_length="trajectory", option --free-run), '
 
 
-class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
+class PhysicsModelRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Fit a model's free parameters to records; predict by simulation in free run.
 
     The records are cut into windows, each restarted from its own initial state (multiple
@@ -198,11 +200,6 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.verbose = verbose
 
-    def _warn_of(self, records: tuple[Record, ...], noise_is_told: bool) -> None:
-        """Warn of what records tell less than they seem to."""
-        warn_of_constant_outputs(self.model, records, noise_is_told=noise_is_told)
-        warn_of_repeats(records)
-
     def fit(self, X: Table, y: Table, **fit_params: Any) -> Self:
         """Fit the free parameters.
 
@@ -240,7 +237,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         warn_of_standardised_outputs(self.model, records)
         warn_of_contradicted_states(self.model, records)
-        self._warn_of(records, told is not None)
+        warn_of_constant_outputs(self.model, records, noise_is_told=told is not None)
+        warn_of_repeats(records)
         pieces = without_gaps(records, self.window_length)
         found = self._find(pieces, names)
         windows = found.windowed.windows
@@ -254,7 +252,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
         self.window_ = median_window_length(windows)
         self.noise_ = output_noise(records) if told is None else told
-        self.model_ = with_usual_start(
+        self.model_ = _with_usual_start(
             self.model_, records, self.initial_states_, self._runs, self.noise_
         )
         warn_of_unknown_starts(self.model_, records)
@@ -282,59 +280,6 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             value of a state that every trajectory of `fit` had.
         """
         return self._shaped(self._simulate(self._read_new(X), self.model_.outputs))
-
-    def predict_states(self, X: Table) -> np.ndarray:
-        """Simulate the states of every trajectory in free run from its initial state.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            Simulated states of `model_`.
-        """
-        return self._simulate(self._read_new(X), self.model_.states)
-
-    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
-        """Predict every sample from the outputs up to `steps` samples before it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none; the state is estimated from them by a
-            Kalman filter.
-        steps : int, default=1
-            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
-            free run.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-
-        Raises
-        ------
-        OptionError
-            If `steps` is not an integer of at least 1.
-
-        Examples
-        --------
-        >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-        >>> t = np.linspace(0, 20, 401)
-        >>> X = np.column_stack([t, np.sin(t)])
-        >>> y = lag.with_parameters(T=3.0).simulate(t, X[:, 1]).y
-        >>> ahead = PhysicsModelRegressor(lag).fit(X, y).predict_ahead(X, y + 1.0, steps=20)
-        >>> print(np.round((ahead - y)[[0, 400], 0], 2))  # of the offset exp(-1 s/T) is left
-        [0.   0.72]
-        """
-        records = self._read(X, y)
-        _, outputs = predict_records_ahead(self._runs, self.model_, records, steps, self.noise_)
-        return self._shaped(outputs)
 
     def predict_interval(self, X: Table, coverage: float = 0.9) -> tuple[np.ndarray, np.ndarray]:
         r"""Return the interval in which the measured outputs of a free run are expected.
@@ -397,16 +342,11 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         warn_of_missing_starts(self.model_, self._told, records)
         return records
 
-    @property
-    def _runs(self) -> FreeRuns:
-        """How the fitted estimator simulates."""
-        return FreeRuns(*self._simulated)
+    def _states_of(self, X) -> np.ndarray:
+        return self._simulate(self._read_new(X), self.model_.states)
 
     def _simulate(self, records, names) -> np.ndarray:
         return self._runs.simulate(self.model_, records, list(names))
-
-    def _shaped(self, outputs) -> np.ndarray:
-        return outputs.ravel() if self._single_output else outputs
 
     def _variance(self, records) -> np.ndarray:
         """Return the variance of measurements about a free run, records concatenated."""
@@ -440,7 +380,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             "threads": local_threads(self.n_jobs),
         }
         progress = progress_printer(self)
-        search = self.search, self.random_state, progress, bool(self.within_spread)
+        search = Search(
+            self.model, names, self.search, self.random_state, progress, bool(self.within_spread)
+        )
         windowed = window_records(self.model, records, window_length=self.window_length, **options)
         windows = windowed.windows
         progress(
@@ -449,9 +391,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         )
         if self.window_length != WHOLE:
             whole = partial(window_records, self.model, records, window_length=WHOLE, **options)
-            return find_beside_free_run(self.model, windowed, whole, names, *search)
+            return find_beside_free_run(search, windowed, whole)
         short = window_records(self.model, records, **options)
-        return find_in_free_run(self.model, short, windowed, names, *search)
+        return find_in_free_run(search, short, windowed)
 
     def _free_names(self) -> tuple[str, ...]:
         if isinstance(self.free, str):
@@ -482,10 +424,10 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Keep how the fitted model is simulated, and return it."""
         windows = found.windowed.windows
         self.hold_, self.substeps_, self.method_ = windows.hold, windows.substeps, windows.method
-        said = {"hold": self.hold_, **windows.steps.settings}
         limits = limits_of(np.concatenate([record.y for record in records]))
         interval = usual_step(records)
         self._simulated = (interval, self.substeps_, limits, self.hold_, self.method_)
+        said = {"hold": self.hold_, **windows.steps.settings}
         return found.fit.model.replace(simulation=said)
 
     def _keep_estimates(self, found: ParameterFit) -> list[str]:
@@ -514,7 +456,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Warn where the given values are nearer to the records in free run than fitted ones."""
         given = self.model.replace(initial_state=self.model_.initial_state)
         before, after = (
-            free_run_error(each, records, self._runs, self.noise_) for each in (given, self.model_)
+            _free_run_error(each, records, self._runs, self.noise_) for each in (given, self.model_)
         )
         count = max(1, sum(int(np.isfinite(record.y).sum()) for record in records))
         if not after - before > max(WORSE * before, NOTABLE * count):
@@ -537,7 +479,11 @@ def _warn_of_loose(found: dict[str, Estimate], loose: list[str]) -> None:
     """Warn of parameters that the records do not determine, and say where they may lie."""
     if not loose:
         return
-    said = [_range(name, found[name]) for name in loose if np.isfinite([*_ends(found[name])]).any()]
+    said = [
+        f"{name} from {each.low:.3g} to {each.high:.3g} {each.unit}".rstrip()
+        for name, each in ((name, found[name]) for name in loose)
+        if np.isfinite([each.low, each.high]).any()
+    ]
     where = f" ({', '.join(said)})" if said else ""
     warn_user(
         f"the records do not determine {', '.join(loose)}: other values fit equally well{where}. "
@@ -545,14 +491,6 @@ def _warn_of_loose(found: dict[str, Estimate], loose: list[str]) -> None:
         f"richly.",
         FitWarning,
     )
-
-
-def _ends(found: Estimate) -> tuple[float, float]:
-    return found.low, found.high
-
-
-def _range(name: str, found: Estimate) -> str:
-    return f"{name} from {found.low:.3g} to {found.high:.3g} {found.unit}".rstrip()
 
 
 def _warn_of_ends(freedoms, model, loose: list[str]) -> None:
@@ -579,3 +517,33 @@ def _warn_of_ends(freedoms, model, loose: list[str]) -> None:
             f"and ModelDiagnosis(model) looks for it.",
             FitWarning,
         )
+
+
+def _with_usual_start(
+    model: PhysicsModel, records, found: np.ndarray, runs: FreeRuns, noise: np.ndarray
+) -> PhysicsModel:
+    """Return a model that starts where its records did on average, if that describes them better.
+
+    A machine at rest stays exactly there: what noise adds to a fitted state changes no error.
+    """
+    told = np.isfinite(np.array([record.x0 for record in records])).any(axis=0).tolist()
+    means = {
+        state: float(np.mean(column[np.isfinite(column)]))
+        for state, column, is_told in zip(model.states, found.T, told, strict=True)
+        if not is_told and state not in model.settled and np.isfinite(column).any()
+    }
+    if not means:
+        return model
+    other = model.replace(initial_state={**model.initial_state, **means})
+    own, moved = (_free_run_error(each, records, runs, noise) for each in (model, other))
+    return other if moved < (1 - LEAST_SHARE) * own else model
+
+
+def _free_run_error(model, records, runs: FreeRuns, noise) -> float:
+    """Return the sum of squares of a free run's errors, infinite where one diverges."""
+    total = 0.0
+    for record in records:
+        with np.errstate(all="ignore"):
+            left = (runs.run(model, record).y - record.y) / noise
+            total += float(np.sum(left**2, where=np.isfinite(record.y)))
+    return total if np.isfinite(total) else np.inf

@@ -13,14 +13,7 @@ def silence(*_) -> None:
 
 
 def progress_printer(estimator) -> PrintLine:
-    """Return a function that prints a line if the estimator is verbose, and else does nothing.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import PhysicsModelRegressor
-    >>> progress_printer(PhysicsModelRegressor(None, verbose=1))("3 records")
-    [PhysicsModelRegressor] 3 records
-    """
+    """Return a function that prints a line if the estimator is verbose, and else does nothing."""
     if not estimator.verbose:
         return silence
     name = type(estimator).__name__
@@ -36,13 +29,6 @@ def progress_display(estimator) -> Iterator[Callable[..., None]]:
     """Show stages, by a bar in a terminal and by lines elsewhere, if the estimator is verbose.
 
     Yields a function that is called as ``show(stage, done, total)``.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import ModelDiagnosis
-    >>> with progress_display(ModelDiagnosis(None, verbose=1)) as show:
-    ...     show("candidates", 2, 20)
-    [ModelDiagnosis] simulating the candidates: 2 of 20 ...
     """
     if not estimator.verbose:
         yield silence

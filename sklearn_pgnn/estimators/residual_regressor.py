@@ -16,10 +16,13 @@ from sklearn.utils import check_array, check_consistent_length, get_tags
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import Column, Table
-from sklearn_pgnn.estimators.ahead import predict_records_ahead
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import (
+    SimulatingMixin,
+    one_simulation_warning,
+    predict_records_ahead,
+)
 from sklearn_pgnn.simulation.divergence import limits_of
-from sklearn_pgnn.simulation.finite_run import FreeRuns, quantities_of
+from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise
@@ -45,7 +48,7 @@ if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
 
 
-class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
+class ResidualRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Simulate a model and add a regression of its error: residual modelling.
 
     .. math:: \hat y_k = y^{phy}_k + g(u_k, x^{phy}_k, y^{phy}_k)
@@ -176,7 +179,13 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         X = validate_table(self, X, reset=True)
         self._single_output = np.asarray(y).ndim == 1
         if self.model is None:
-            features, error = self._plain(X), _plain_outputs(X, y)
+            features, allowed = (
+                self._plain(X),
+                {"ensure_2d": False, "ensure_all_finite": "allow-nan"},
+            )
+            y = check_array(y, dtype=float, input_name="y", **allowed)
+            check_consistent_length(X, y)
+            error = y.reshape(len(y), -1)
         else:
             features, error = self._simulate_and_compare(X, y)
         rows = np.isfinite(error).all(axis=1)
@@ -207,89 +216,42 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         if self.model is None:
             outputs = np.asarray(self.regressor_.predict(self._plain(X)))
         else:
-            records = read_records(self.model, X, time_column=self.time_column)
-            refuse_standardised(self.model, records)
-            features, simulated = self._simulate(records)
+            features, simulated = self._simulate(self._records(X))
             outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
         return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
 
-    def _check_has_model(self, method: str) -> None:
+    def _check_has_states(self, method: str) -> None:
         check_is_fitted(self)
         if self.model is None:
             raise ValueError(f"{method}: expected a regressor with a model, got none.")
 
-    def predict_states(self, X: Table) -> np.ndarray:
-        """Simulate the model's states of every trajectory in free run from its initial state.
+    def _read(self, X, y=None):
+        return self._records(validate_table(self, X, reset=False), y, to_fit=y is None)
 
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            States of `model`; the regressor corrects its outputs only.
-
-        Raises
-        ------
-        ValueError
-            If there is no model, and so no state.
-        """
-        self._check_has_model("predict_states")
-        X = validate_table(self, X, reset=False)
-        records = read_records(self.model, X, time_column=self.time_column)
+    def _records(self, X, y=None, to_fit=True):
+        """Read a table with the model."""
+        records = read_records(self.model, X, y, time_column=self.time_column, to_fit=to_fit)
         refuse_standardised(self.model, records)
-        return self._runs.simulate(self.model, records, list(self.model.states))
+        return records
 
-    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
-        """Predict every sample from the outputs up to `steps` samples before it.
+    def _states_of(self, X) -> np.ndarray:
+        """Simulate the model's states; the regressor corrects its outputs only."""
+        return self._runs.simulate(self.model, self._read(X), list(self.model.states))
 
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none; the model's state is estimated by a
-            Kalman filter from these outputs less the error predicted in free run.
-        steps : int, default=1
-            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
-            free run.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-
-        Raises
-        ------
-        OptionError
-            If `steps` is not an integer of at least 1.
-        ValueError
-            If there is no model, and so no state.
-        """
-        self._check_has_model("predict_ahead")
-        X = validate_table(self, X, reset=False)
-        records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
-        refuse_standardised(self.model, records)
+    def _outputs_ahead(self, X, y, steps: int) -> np.ndarray:
+        """Estimate the model's state from the outputs less the error predicted in free run."""
+        records = self._read(X, y)
         with one_simulation_warning():
             features, simulated = self._simulate(records)
             expected = self.regressor_.predict(features).reshape(simulated.shape)
             left = [replace(record, y=record.y - expected[record.rows]) for record in records]
             states, ahead = predict_records_ahead(self._runs, self.model, left, steps, self.noise_)
         features = self._features(records, np.column_stack([states, ahead]))
-        outputs = ahead + self.regressor_.predict(features).reshape(ahead.shape)
-        return outputs.ravel() if self._single_output else outputs
-
-    @property
-    def _runs(self) -> FreeRuns:
-        """How the fitted estimator simulates."""
-        return FreeRuns(*self._simulated)
+        return ahead + self.regressor_.predict(features).reshape(ahead.shape)
 
     def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
         """Return the features and the model's error."""
-        records = read_records(self.model, X, y, time_column=self.time_column)
-        refuse_standardised(self.model, records)
+        records = self._records(X, y)
         warn_of_contradicted_states(self.model, records)
         warn_of_unknown_starts(self.model, records)
         warn_of_constant_outputs(self.model, records)
@@ -345,10 +307,3 @@ def _for_targets(regressor, target):
     """Return a regressor that takes the targets, one copy per output where it takes only one."""
     takes = target.ndim == 1 or get_tags(regressor).target_tags.multi_output
     return regressor if takes else MultiOutputRegressor(regressor)
-
-
-def _plain_outputs(X, y) -> np.ndarray:
-    """Return the outputs as an array, without a model."""
-    y = check_array(y, ensure_2d=False, ensure_all_finite="allow-nan", dtype=float, input_name="y")
-    check_consistent_length(X, y)
-    return y.reshape(len(y), -1)

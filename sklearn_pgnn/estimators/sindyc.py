@@ -8,30 +8,34 @@ from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from sklearn_pgnn.annotations import Column, Table
-from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.progress import progress_printer
-from sklearn_pgnn.estimators.sindyc_gaps import refuse_no_rows, warn_of_gaps
-from sklearn_pgnn.estimators.sindyc_library import read_library, term_function, term_texts
+from sklearn_pgnn.estimators.simulated_predictions import SimulatingMixin
+from sklearn_pgnn.estimators.sindyc_library import (
+    read_library,
+    sparse_coefficients,
+    stepwise_least_squares,
+    term_function,
+    term_texts,
+)
 from sklearn_pgnn.estimators.sindyc_model import (
     complete,
     equation_texts,
     identified_model,
-    starting_where,
     velocities,
 )
-from sklearn_pgnn.estimators.sindyc_names import blank_model, identifiers, is_timed, target_names
 from sklearn_pgnn.estimators.sindyc_records import (
     measure_states,
     on_even_clock,
     rate_rows,
+    refuse_no_rows,
     step_rows,
+    warn_of_gaps,
 )
-from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepwise_least_squares
+from sklearn_pgnn.estimators.table_names import blank_model, identifiers, is_timed, target_names
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.divergence import limits_of
-from sklearn_pgnn.simulation.finite_run import FreeRuns
 from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import without_long_steps
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
@@ -56,7 +60,7 @@ from sklearn_pgnn.user_line import warn_user
 REMEDY = "raise threshold, take a smaller library, or longer spans"
 
 
-class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
+class SINDYcRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Find the few terms of a library that make up a machine's rates; predict by simulation.
 
     .. math:: \dot x = \Xi\,\Psi(x, u) \qquad \text{or} \qquad x_{k+1} = \Xi\,\Psi(x_k, u_k)
@@ -257,70 +261,10 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             a `SimulationWarning` reports.
         """
         check_is_fitted(self)
-        outputs = self._predict_rows(X) if self.model_ is None else self._predict_records(X)
-        return outputs.ravel() if self._single_output else outputs
-
-    def predict_states(self, X: Table) -> np.ndarray:
-        """Simulate the states of every trajectory in free run from its initial state.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            States of `model_`.
-
-        Raises
-        ------
-        ValueError
-            If it was fitted to independent rows, which have no states.
-        """
-        check_is_fitted(self)
         if self.model_ is None:
-            raise ValueError(
-                "predict_states: expected an estimator that was fitted to trajectories; "
-                "independent rows have no states."
-            )
-        return self._predict_records(X, "x")
-
-    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
-        """Predict every sample from the outputs up to `steps` samples before it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none; the state is estimated from them by a
-            Kalman filter.
-        steps : int, default=1
-            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
-            free run.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-
-        Raises
-        ------
-        OptionError
-            If `steps` is not an integer of at least 1.
-        ValueError
-            If it was fitted to independent rows, which have no states.
-        """
-        check_is_fitted(self)
-        if self.model_ is None:
-            raise ValueError(
-                "predict_ahead: expected an estimator that was fitted to trajectories; "
-                "independent rows have no states."
-            )
-        records = self._read(X, y)
-        _, outputs = predict_records_ahead(self._runs, self.model_, records, steps, self.noise_)
-        return outputs.ravel() if self._single_output else outputs
+            return self._shaped(self._predict_rows(X))
+        names = list(self.model_.outputs)
+        return self._shaped(self._runs.simulate(self.model_, self._read(X), names))
 
     # -- samples in time ---------------------------------------------------------------------------
 
@@ -344,23 +288,18 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.model_ = identified_model(base, terms, self.coefficients_, self._interval)
         if self.model is None:
             firsts = [rows.start for rows in states.pieces]
-            self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
+            start = states.x[firsts].mean(axis=0).tolist()
+            start = dict(zip(self.model_.states, start, strict=True))
+            self.model_ = self.model_.replace(initial_state=start)
         form = "{}[k+1]" if self.discrete else "{}'"
         self._keep_texts([form.format(state) for state in base.states], terms)
         steps = Steps("euler") if self.discrete else self._enough_steps(records)
         self.substeps_ = steps.substeps
         limits = limits_of(np.concatenate([record.y for record in records]))
-        self._simulated = (
-            states.interval,
-            self.substeps_,
-            limits,
-            self.hold_,
-            steps.method,
-            REMEDY,
-        )
+        how = self.substeps_, limits, self.hold_, steps.method, REMEDY
+        self._simulated = (states.interval, *how)
         told = {"substeps": 1} if self.discrete else steps.settings
-        said = {"hold": self.hold_, **told}
-        self.model_ = self.model_.replace(simulation=said)
+        self.model_ = self.model_.replace(simulation={"hold": self.hold_, **told})
         progress(f"{self.substeps_} substeps from sample to sample")
         return self
 
@@ -391,16 +330,6 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         with np.errstate(all="ignore"):  # a diverging map diverges here as well
             even = without_long_steps(records)
             return steps_for(self.model_, even, self.substeps, hold=self.hold_)
-
-    def _predict_records(self, X, which="y"):
-        """Return the simulated outputs, or the states (``"x"``)."""
-        names = self.model_.outputs if which == "y" else self.model_.states
-        return self._runs.simulate(self.model_, self._read(X), list(names))
-
-    @property
-    def _runs(self) -> FreeRuns:
-        """How the fitted estimator simulates."""
-        return FreeRuns(*self._simulated)
 
     def _model_of_y(self) -> PhysicsModel | None:
         return self.model_ if self.model is None else self.model

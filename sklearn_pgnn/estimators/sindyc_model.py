@@ -26,15 +26,6 @@ def identified_model(
     The coefficients, of shape (n_states, n_terms), are of rates, or of a map if its sample interval
     `T` [s] is given; zero where a term is left out. They are parameters such as
     ``c_omega_sin_phi``.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import systems
-    >>> cart = systems.cart_on_spring()
-    >>> terms = [symbol("x"), symbol("force")]
-    >>> print(identified_model(cart, terms, np.array([[0, 0], [-20, 0.5]])).to_text())
-    x' = v
-    v' = c_v_force*force + c_v_x*x
     """
     kept = _kept_parameters(base, with_inertia=T is None)
     taken = {*base.states, *base.inputs, *kept}
@@ -50,7 +41,9 @@ def identified_model(
         found = _coefficients(state, terms, row, taken, base.unit(state), T)
         total = sympy.Add(*(symbol(p.name) * term for p, term in found))
         if T is not None:
-            total = (_without_sticking(total, base) - symbol(state)) / symbol(interval.name)
+            # a simulation splits no steps there: a map describes no sticking between two samples
+            signs = {sympy.sign(x): sympy.sign(sympy.tanh(x)) for x in map(symbol, base.states)}
+            total = (total.xreplace(signs) - symbol(state)) / symbol(interval.name)
         equations[state] = total
         new |= {parameter.name: parameter for parameter, _ in found}
     return base.replace(
@@ -145,18 +138,3 @@ def _free_name(wanted: str, taken: set[str]) -> str:
         name, number = f"{wanted}_{number}", number + 1
     taken.add(name)
     return name
-
-
-def _without_sticking(expression, base: PhysicsModel):
-    """Write the sign of a state so that a simulation does not split its steps there.
-
-    A state under dry friction sticks between two samples; a map describes nothing between them.
-    """
-    signs = {sympy.sign(symbol(s)): sympy.sign(sympy.tanh(symbol(s))) for s in base.states}
-    return expression.xreplace(signs)
-
-
-def starting_where(model: PhysicsModel, x: np.ndarray) -> PhysicsModel:
-    """Return the model with an initial state for trajectories that do not give their own."""
-    start = {name: float(value) for name, value in zip(model.states, x, strict=True)}
-    return model.replace(initial_state=start)

@@ -13,7 +13,11 @@ picks the states out of the terms. No row reaches over the end of a trajectory.
 Between two measured samples a state is interpolated, and its rate there is that of the
 interpolation. A span therefore begins and ends where its state was measured: behind a sensor that
 is read at every :math:`n`-th sample only, it is at least :math:`n` samples long. No span reaches
-into a gap of a state that is used (`sklearn_pgnn.estimators.sindyc_gaps`).
+into a gap of a state that is used: what lies in one tells nothing of the rates. Between two samples
+of a column that are :math:`h` apart a state of angular frequency :math:`\omega` is interpolated
+with an error of the order of :math:`(\omega h)^2/8` of its size. Over a span, a thirtieth of the
+dominant period, that is half a percent; a longer stretch without samples is a gap, unless the
+column is sampled that slowly throughout.
 """
 
 from dataclasses import dataclass, replace
@@ -21,13 +25,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from sklearn_pgnn.estimators.sindyc_gaps import GAP, steps_in_gap
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.state_estimate import hidden_states
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.user_line import warn_user
 
 #: span of a rate as a share of the outputs' dominant period
 SPAN_SHARE = 1 / 30
@@ -35,6 +39,11 @@ SPAN_SHARE = 1 / 30
 UNEVEN = 0.01
 #: least share of a map's spans that must contain no different interval
 EVEN_SHARE = 0.5
+#: a stretch so many times longer than a column's usual interval is a gap
+GAP = 1.5
+#: share of the time in gaps from which on there is a warning
+MUCH = 0.2
+REMEDY = "Remedy: records with fewer gaps, a library without these states, or another span"
 
 
 @dataclass(frozen=True)
@@ -234,3 +243,35 @@ def _chosen(columns, chosen) -> np.ndarray:
 def _rows(parts) -> np.ndarray:
     """Lay the columns of parts end to end as rows; those of a single part are not copied."""
     return (parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)).T
+
+
+def steps_in_gap(t: np.ndarray, measured: np.ndarray, longest: float) -> np.ndarray:
+    """Return which steps lie in a gap of a column, longer than `longest` seconds."""
+    found, seen = np.zeros(t.size - 1, dtype=bool), np.flatnonzero(measured)
+    if seen.size == t.size or seen.size < 2:
+        return found
+    limit = max(longest, GAP * float(np.median(np.diff(t[seen])))) * (1 + 1e-9)
+    for a, b in pairwise(np.unique([0, *seen, t.size - 1])):
+        found[a:b] = t[b] - t[a] > limit
+    return found
+
+
+def warn_of_gaps(gaps: np.ndarray, durations: np.ndarray, names: list[str]) -> None:
+    """Warn where much of the records' time lies in gaps."""
+    lost = durations[gaps.any(axis=1)].sum() / durations.sum()
+    if lost > MUCH:
+        warn_user(f"y: {100 * lost:.0f} % of the time lies in gaps {_of(gaps, names)}, and no rate "
+                  f"is taken from there. {REMEDY}.", RecordWarning)  # fmt: skip
+
+
+def refuse_no_rows(rows: np.ndarray, gaps: np.ndarray, names: list[str]) -> None:
+    """Raise `RecordError` where no span is left between the gaps."""
+    if not len(rows):
+        raise RecordError(
+            f"y: expected stretches without gaps, at least as long as the spans over which rates "
+            f"are averaged, got none between the gaps {_of(gaps, names)}. {REMEDY}."
+        )
+
+
+def _of(gaps: np.ndarray, names: list[str]) -> str:
+    return "of " + ", ".join(np.array(names)[gaps.any(axis=0)].tolist()) if gaps.any() else ""

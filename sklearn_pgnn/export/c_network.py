@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from sklearn_pgnn.estimators.network.free_run import is_compiled, step_with, weights_of
 from sklearn_pgnn.estimators.network.sample_interval import (
     holds_at_one_interval,
     is_other_interval,
 )
+from sklearn_pgnn.estimators.network.step_network import is_compiled, step_with, weights_of
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.assignments import outputs_of
 from sklearn_pgnn.export.c_machine import Machine, machine_of

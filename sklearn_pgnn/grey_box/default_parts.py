@@ -5,7 +5,7 @@ from sklearn.base import clone
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.grey_box.possible_depths import NETWORKS
-from sklearn_pgnn.model_selection.nested_parameters import parameters_named
+from sklearn_pgnn.model_selection.outer_estimator import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 
 

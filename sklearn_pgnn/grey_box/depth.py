@@ -13,7 +13,7 @@ from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning
 from sklearn_pgnn.grey_box.initial_state import find_initial_state
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual
-from sklearn_pgnn.model_selection.nested_parameters import parameters_named
+from sklearn_pgnn.model_selection.outer_estimator import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate
 from sklearn_pgnn.trajectories.contradicted_states import UNKNOWN

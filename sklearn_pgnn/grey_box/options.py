@@ -8,7 +8,7 @@ from sklearn_pgnn.diagnosis.options import check_time_limit
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.hidden_parts import WAYS
 from sklearn_pgnn.grey_box.possible_depths import DEPTHS, NETWORKS, can_see_less, possible_depths
-from sklearn_pgnn.model_selection.nested_parameters import parameters_named
+from sklearn_pgnn.model_selection.outer_estimator import parameters_named
 from sklearn_pgnn.trajectories.validation import check_model
 
 

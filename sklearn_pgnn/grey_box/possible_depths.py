@@ -1,7 +1,7 @@
 """The depths of the recipe, and those that a network allows."""
 
 from sklearn_pgnn.extras import is_installed
-from sklearn_pgnn.model_selection.nested_parameters import parameters_named
+from sklearn_pgnn.model_selection.outer_estimator import parameters_named
 
 #: from the shallowest to the deepest
 DEPTHS = ("prior", "fitted", "extended", "formula", "state_network", "network")

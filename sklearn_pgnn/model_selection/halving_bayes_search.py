@@ -17,35 +17,13 @@ from sklearn_pgnn.annotations import ArrayLike, RandomState, Table
 from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, inner_has
-from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.model_selection.search_space import refuse_unknown_names
+from sklearn_pgnn.model_selection.trajectory_k_fold import own_folds
 from sklearn_pgnn.trajectories.tables import take_rows
 from sklearn_pgnn.user_line import warn_user
 
 #: draws among which a candidate is sought that was not tried yet
 DRAWS = 1000
-
-
-def _is_inside(point, space) -> bool:
-    """Return whether every coordinate lies in its dimension."""
-    try:
-        return point in space
-    except TypeError:  # a name or None, where a number is searched
-        return False
-
-
-def _plain(value):
-    """Return a number or string of numpy as one of Python."""
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _in_words(params: dict) -> str:
-    """Return parameters as text, numbers with four digits."""
-    texts = {
-        name: f"{value:.4g}" if isinstance(value, float) else str(value)
-        for name, value in params.items()
-    }
-    return ", ".join(f"{name}={text}" for name, text in texts.items())
 
 
 def _means(scores) -> np.ndarray:
@@ -67,14 +45,6 @@ def _tell(optimizer, waiting: dict, means) -> None:
     waiting.clear()
 
 
-def _warn_of_failure(params, fold: int, what: str) -> None:
-    """Warn of a candidate that could not be scored."""
-    warn_user(
-        f"the candidate {params} could not be scored in fold {fold}: {what} It counts as the "
-        f"worst. Remedy: a narrower search space."
-    )
-
-
 def _try_fold(estimator, scoring, X, y, train, test) -> float | Exception:
     """Return the score of a copy of an estimator on a fold, or the error of its fit.
 
@@ -87,21 +57,6 @@ def _try_fold(estimator, scoring, X, y, train, test) -> float | Exception:
         return score(fitted, take_rows(X, test), take_rows(y, test))
     except Exception as error:
         return error
-
-
-def _ask(optimizer):
-    """Return the point that the optimizer proposes, also where it tells that it was tried."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="The objective has been evaluated at point")
-        return optimizer.ask()
-
-
-def _warn_of_few(found: int, wanted: int) -> None:
-    """Warn of a space that has no further candidates."""
-    warn_user(
-        f"search_spaces: expected at least n_iter={wanted} different candidates, got {found}, all "
-        f"of which have been scored: the search ends. Remedy: n_iter={found}, or a larger space."
-    )
 
 
 class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimator):
@@ -262,7 +217,11 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         for i in range(self.n_iter):
             point, params = self._candidate(optimizer, candidates)
             if params in candidates:
-                _warn_of_few(i, self.n_iter)
+                warn_user(
+                    f"search_spaces: expected at least n_iter={self.n_iter} different candidates, "
+                    f"got {i}, all of which have been scored: the search ends. Remedy: "
+                    f"n_iter={i}, or a larger space."
+                )
                 break
             candidates.append(params)
             start = time.perf_counter()
@@ -318,11 +277,15 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         """
         names = sorted(self.search_spaces)  # the order of scikit-optimize's dimensions
 
-        def params_at(point):
-            return dict(zip(names, map(_plain, point), strict=True))
+        def params_at(point):  # in numbers of Python, not of numpy
+            plain = (value.item() if isinstance(value, np.generic) else value for value in point)
+            return dict(zip(names, plain, strict=True))
 
         if candidates or not self.own_first:
-            asked = _ask(optimizer)
+            with warnings.catch_warnings():
+                known = "The objective has been evaluated at point"
+                warnings.filterwarnings("ignore", message=known)
+                asked = optimizer.ask()
             if params_at(asked) in candidates:
                 drawn = optimizer.space.rvs(DRAWS, random_state=optimizer.rng)
                 others = (point for point in drawn if params_at(point) not in candidates)
@@ -331,7 +294,10 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         own = self.estimator.get_params()
         params = {name: own[name] for name in names if name in own}
         point = [params.get(name) for name in names]
-        inside = len(params) == len(names) and _is_inside(point, optimizer.space)
+        try:
+            inside = len(params) == len(names) and point in optimizer.space
+        except TypeError:  # a name or None, where a number is searched
+            inside = False
         return point if inside else None, params
 
     def _race(self, params, X, y, folds, scores, i) -> None:
@@ -347,7 +313,10 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
             if not np.isfinite(scores[i, k]):
                 what = str(tried) if failed else f"expected a finite score, got {tried}."
                 scores[i] = np.nan
-                _warn_of_failure(params, k, what)
+                warn_user(
+                    f"the candidate {params} could not be scored in fold {k}: {what} It counts as "
+                    f"the worst. Remedy: a narrower search space."
+                )
                 break
             means = scores[: i + 1, : k + 1].mean(axis=1)  # NaN of those stopped before
             if means[i] < np.nanmedian(means):
@@ -366,10 +335,12 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
     def _show(self, i, params, scores, seconds) -> None:
         if self.verbose:
             n_folds = int(np.isfinite(scores[i]).sum())
+            texts = (f"{v:.4g}" if isinstance(v, float) else v for v in params.values())
+            words = ", ".join(f"{name}={text}" for name, text in zip(params, texts, strict=True))
             best = scores.mean(axis=1)[np.isfinite(scores).all(axis=1)].max(initial=-np.inf)
             print(
                 f"[{type(self).__name__}] candidate {i + 1} of {self.n_iter}: "
-                f"{_in_words(params)}; score {_means(scores)[i]:.4g} over {n_folds} of "
+                f"{words}; score {_means(scores)[i]:.4g} over {n_folds} of "
                 f"{self.n_splits_} folds, {seconds:.1f} s; best {best:.4g}",
                 flush=True,
             )

@@ -1,4 +1,4 @@
-"""Methods that a meta-estimator delegates to the estimator it contains."""
+"""Estimators inside others: their parameters, and the methods that are delegated to them."""
 
 from collections.abc import Callable
 
@@ -7,6 +7,12 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import get_tags
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
+
+
+def parameters_named(estimator, name: str) -> dict[str, object]:
+    """Return the parameters with a given own name, by full name, of an estimator and all in it."""
+    found = estimator.get_params().items()
+    return {full: value for full, value in found if full.rpartition("__")[2] == name}
 
 
 def inner_has(method: str):
@@ -32,27 +38,17 @@ def method_of(estimator, method: str) -> Callable:
     """Return a method of an estimator; that of a pipeline's last step behind its transformers.
 
     The method takes X first.
-
-    Examples
-    --------
-    >>> from sklearn.linear_model import Ridge
-    >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.preprocessing import StandardScaler
-    >>> fitted = make_pipeline(StandardScaler(), Ridge()).fit([[0.0], [2.0]], [0.0, 2.0])
-    >>> method_of(fitted, "predict")([[1.0]]).tolist()
-    [1.0]
     """
     if hasattr(estimator, method) or not isinstance(estimator, Pipeline):
         return getattr(estimator, method)
     last = method_of(estimator.steps[-1][1], method)
-    return lambda X, *args, **kwargs: last(_transformed(estimator, X), *args, **kwargs)
 
+    def behind_the_others(X, *args, **kwargs):
+        for _, step in estimator.steps[:-1]:
+            X = X if step in (None, "passthrough") else step.transform(X)
+        return last(X, *args, **kwargs)
 
-def _transformed(pipeline: Pipeline, X):
-    """Return X as the last step of a pipeline sees it."""
-    for _, step in pipeline.steps[:-1]:
-        X = X if step in (None, "passthrough") else step.transform(X)
-    return X
+    return behind_the_others
 
 
 class OuterEstimatorMixin:

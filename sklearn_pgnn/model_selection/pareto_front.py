@@ -6,7 +6,7 @@ from joblib import Parallel, delayed
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
-from sklearn_pgnn.model_selection.own_folds import own_folds
+from sklearn_pgnn.model_selection.trajectory_k_fold import own_folds
 from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
 #: default weights of the physical loss for a front
@@ -94,8 +94,9 @@ def pareto_front(
     )
     spread = _spread([each[3] for each in sets])
     folds = [judged[i : i + len(sets)] for i in range(0, len(judged), len(sets))]
-    error = np.array([_error([fold[0] for fold in each], spread) for each in folds])
-    physics = np.array([_mean_square([fold[1] for fold in each]) for each in folds])
+    squares = [np.nanmean(np.concatenate([e for e, _ in each]) ** 2, axis=0) for each in folds]
+    error = np.array([np.sqrt(np.mean(square / spread**2)) for square in squares])
+    physics = np.array([np.nanmean(np.concatenate([r for _, r in each]) ** 2) for each in folds])
     return pd.DataFrame(
         {
             param.rpartition("__")[2]: list(lambdas),
@@ -171,17 +172,6 @@ def _spread(measured) -> np.ndarray:
             f"spread does not exist."
         )
     return spread
-
-
-def _error(errors, spread) -> float:
-    """Return the root mean square error over all outputs, each divided by its spread."""
-    square = np.nanmean(np.concatenate(errors) ** 2, axis=0)
-    return float(np.sqrt(np.mean(square / spread**2)))
-
-
-def _mean_square(residuals) -> float:
-    """Return the mean square of all residuals that are not NaN."""
-    return float(np.nanmean(np.concatenate(residuals) ** 2))
 
 
 def _not_dominated(error, physics) -> np.ndarray:

@@ -84,7 +84,9 @@ def search_space(estimator, **changes) -> dict:
     parameters = estimator.get_params()
     for name, dimension in changes.items():
         places = [full for short, full in known if short == name]
-        if dimension is None and not places and _has_parameter(estimator, name):
+        parts = _parts(estimator).values()
+        is_there = any(name in part.get_params(deep=False) for part in parts)
+        if dimension is None and not places and is_there:
             continue  # it is left out already
         if not places and name not in parameters and name.partition("__")[0] not in parameters:
             shorts = ", ".join(dict.fromkeys(short for short, _ in known)) or "none"
@@ -108,11 +110,6 @@ def refuse_unknown_names(estimator, names) -> None:
 
     Names are full, such as ``"network__module__neurons"``. What is inside a parameter that is named
     itself is not checked, for that may hold anything.
-
-    Examples
-    --------
-    >>> from sklearn.linear_model import Ridge
-    >>> refuse_unknown_names(Ridge(), ["alpha"])
     """
     names, parts = list(names), _parts(estimator)
     for name in names:
@@ -125,21 +122,20 @@ def refuse_unknown_names(estimator, names) -> None:
                 f"{name}: expected a parameter of {type(estimator).__name__}, got one that it does "
                 f"not take: {error} Remedy: its get_params() lists them."
             ) from None
-        _refuse_unknown_of_core(parts, name)
+        prefix, inside, own = name.rpartition("module__")
+        module = getattr(parts.get(prefix), "module", None) if inside else None
+        if isinstance(module, type):
+            _refuse_unknown_of_core(module, name, own)
 
 
-def _refuse_unknown_of_core(parts, name: str) -> None:
+def _refuse_unknown_of_core(module: type, name: str, own: str) -> None:
     """Refuse a name that is no parameter of the core of a network inside."""
-    prefix, inside, own = name.rpartition("module__")
-    module = getattr(parts.get(prefix), "module", None) if inside else None
-    if not isinstance(module, type):
-        return
     known = signature(module).parameters
-    given = {"n_inputs", "n_outputs"}
     if own not in known and not any(each.kind is each.VAR_KEYWORD for each in known.values()):
         raise OptionError(
             f"{name}: expected a parameter of the core {module.__name__}, one of "
-            f"{', '.join(each for each in known if each not in given)}, got {own!r}."
+            f"{', '.join(each for each in known if each not in ('n_inputs', 'n_outputs'))}, "
+            f"got {own!r}."
         )
 
 
@@ -155,8 +151,10 @@ def _dimensions_of(estimator) -> dict:
 
 def _parts(estimator) -> dict:
     """Return the estimator and every one inside it, by the prefix of its parameters."""
-    inside = {f"{name}__": part for name, part in estimator.get_params().items() if _is_one(part)}
-    parts = {"": estimator, **inside}
+    parts = {"": estimator}
+    for name, part in estimator.get_params().items():
+        if hasattr(part, "get_params") and not isinstance(part, type):
+            parts[f"{name}__"] = part
     for prefix, part in list(parts.items()):
         parts |= {f"{prefix}{name}__": own for name, own in searched_parts(part).items()}
     unused = tuple(prefix for prefix, part in parts.items() if part is None)
@@ -172,14 +170,6 @@ def searched_parts(estimator) -> dict:
     They are by the name of the parameter; None stands for one that is never fitted.
     """
     return {}
-
-
-def _has_parameter(estimator, name: str) -> bool:
-    return any(name in part.get_params(deep=False) for part in _parts(estimator).values())
-
-
-def _is_one(part) -> bool:
-    return hasattr(part, "get_params") and not isinstance(part, type)
 
 
 def _network(parameters) -> dict:

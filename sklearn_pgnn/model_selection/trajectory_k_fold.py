@@ -1,11 +1,13 @@
-"""Cross-validation by whole trajectories."""
+"""Cross-validation by whole trajectories, as the estimator reads them."""
 
 from collections.abc import Iterator
+from functools import partial
 from numbers import Integral
 from typing import ClassVar
 
 import numpy as np
 from sklearn.model_selection import BaseCrossValidator
+from sklearn.pipeline import Pipeline
 from sklearn.utils import check_random_state
 
 from sklearn_pgnn.annotations import ArrayLike, Column, RandomState, Table
@@ -15,6 +17,8 @@ from sklearn_pgnn.model_selection.trajectory_rows import (
     read_pieces,
     refuse_merging,
 )
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.tables import as_pandas
 
 
 class TrajectoryKFold(BaseCrossValidator):
@@ -125,7 +129,16 @@ class TrajectoryKFold(BaseCrossValidator):
         columns = self.time_column, self.trajectory_column
         pieces = read_pieces(X, groups, *columns)
         order = np.flatnonzero(are_measured(pieces, y))
-        self._check(len(order))
+        if not isinstance(self.n_splits, Integral) or self.n_splits < 2:
+            raise ValueError(f"n_splits: expected an integer above 1, got {self.n_splits!r}.")
+        if len(order) < self.n_splits:
+            fewer = f"n_splits={len(order)}, or " if len(order) > 1 else ""
+            things = "trajectory" if len(order) == 1 else "trajectories"
+            raise ValueError(
+                f"n_splits: expected at most as many folds as trajectories with a measured output, "
+                f"got {self.n_splits} folds and {len(order)} {things}. Remedy: {fewer}more "
+                f"records; a long one can be cut (train_validation_test_split, by='time')."
+            )
         if self.shuffle:
             check_random_state(self.random_state).shuffle(order)
         lengths = [len(pieces[i]) for i in order]
@@ -136,14 +149,46 @@ class TrajectoryKFold(BaseCrossValidator):
                 refuse_merging(X, kept, groups, *columns)
             yield np.concatenate([pieces[i] for i in np.flatnonzero(tested)])
 
-    def _check(self, n_trajectories):
-        if not isinstance(self.n_splits, Integral) or self.n_splits < 2:
-            raise ValueError(f"n_splits: expected an integer above 1, got {self.n_splits!r}.")
-        if n_trajectories < self.n_splits:
-            fewer = f"n_splits={n_trajectories}, or " if n_trajectories > 1 else ""
-            things = "trajectory" if n_trajectories == 1 else "trajectories"
-            raise ValueError(
-                f"n_splits: expected at most as many folds as trajectories with a measured output, "
-                f"got {self.n_splits} folds and {n_trajectories} {things}. Remedy: {fewer}more "
-                f"records; a long one can be cut (train_validation_test_split, by='time')."
-            )
+
+def own_folds(cv, estimator, X):
+    """Return a splitter; a number means `TrajectoryKFold` with the estimator's columns.
+
+    A splitter is returned as it is; the estimator is alone or in a pipeline.
+    """
+    return cv if hasattr(cv, "split") else TrajectoryKFold(cv, **columns_of(estimator, X))
+
+
+def columns_of(estimator, X) -> dict:
+    """Return the columns of time and trajectory, as an estimator's parameters or model say.
+
+    In a pipeline the first step that has them counts, in a meta-estimator the inner estimator; the
+    names of a model refer to a DataFrame. Return ``time_column`` and ``trajectory_column`` of
+    `TrajectoryKFold`; None means the default column.
+    """
+    return {
+        "time_column": _first_said(estimator, partial(_time_column, X=X)),
+        "trajectory_column": _first_said(estimator, partial(_named_by_model, TRAJECTORY, X=X)),
+    }
+
+
+def _first_said(estimator, say):
+    """Return a column of an estimator of trajectories, or of the first one inside it."""
+    if isinstance(estimator, Pipeline):
+        said = (_first_said(step, say) for _, step in estimator.steps)
+        return next((column for column in said if column is not None), None)
+    if hasattr(estimator, "time_column"):
+        return say(estimator)
+    inner = getattr(estimator, "estimator", getattr(estimator, "regressor", None))
+    return None if inner is None else _first_said(inner, say)
+
+
+def _time_column(estimator, X):
+    """Return the parameter for the time, else the model's name for it."""
+    own = estimator.time_column
+    return _named_by_model(TIME, estimator, X) if own is None else own
+
+
+def _named_by_model(quantity, estimator, X) -> str | None:
+    """Return the model's name for a quantity, if a table has such a column."""
+    called = getattr(getattr(estimator, "model", None), "columns", {}).get(quantity)
+    return called if called in getattr(as_pandas(X), "columns", ()) else None

@@ -1,14 +1,19 @@
-"""The rows of every trajectory of a table, and how whole trajectories are distributed."""
+"""The rows of every trajectory of a table, and a single split of them into three sets."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from numbers import Integral
 
 import numpy as np
 import pandas as pd
+from sklearn.utils import check_consistent_length, check_random_state
 
+from sklearn_pgnn.annotations import Column, RandomState, Table
 from sklearn_pgnn.trajectories import split_rows
-from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
-from sklearn_pgnn.trajectories.tables import as_table, is_named, read_clock
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.tables import as_table, is_named, read_clock, take_rows
+
+WAYS = ("trajectory", "time")
 
 
 def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> list[np.ndarray]:
@@ -18,11 +23,6 @@ def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> lis
     increase. `groups`, the trajectory of every row, overrides X. The time is by default in ``"t"``,
     the first column where the columns have no names. The trajectories are in the order of their
     first rows.
-
-    Examples
-    --------
-    >>> [rows.tolist() for rows in read_pieces([[0.0, 5.0], [0.1, 5.0], [0.0, 7.0]])]
-    [[0, 1], [2]]
     """
     X = as_table(X, time_column)
     names = _named(X, trajectory_column) if groups is None else np.asarray(groups)
@@ -39,16 +39,6 @@ def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=N
 
     `pieces` are row numbers of the trajectories that stay together, in the order of the table; if
     `groups` are given, nothing is checked.
-
-    Examples
-    --------
-    >>> X = [[0.0], [0.1], [0.0], [0.9], [0.4], [1.0]]
-    >>> first, second, third = read_pieces(X)
-    >>> refuse_merging(X, [first, third])
-    Traceback (most recent call last):
-        ...
-    ValueError: X: the trajectories that end in row 1 and begin in row 4 would be read as one, \
-since time keeps increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
     """
     X = as_table(X, time_column)
     if groups is not None or _named(X, trajectory_column) is not None:
@@ -65,16 +55,7 @@ since time keeps increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajec
 
 
 def are_measured(pieces, y) -> np.ndarray:
-    """Return for every trajectory whether some of its outputs are measured.
-
-    `pieces` are row numbers of every trajectory; y is NaN or None where there is none, and without
-    y all are measured.
-
-    Examples
-    --------
-    >>> are_measured([np.array([0, 1]), np.array([2])], [1.0, np.nan, np.nan]).tolist()
-    [True, False]
-    """
+    """Return for every trajectory whether some of its outputs are measured; without y all are."""
     if y is None:
         return np.ones(len(pieces), dtype=bool)
     empty = pd.isna(np.asarray(y))
@@ -84,8 +65,7 @@ def are_measured(pieces, y) -> np.ndarray:
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
     """Split trajectories in order so that the numbers of samples come nearest to given shares.
 
-    `lengths` are samples of every trajectory, at least as many as shares, which sum to one. Return
-    the numbers of the trajectories in every part, at least one each.
+    Return the numbers of the trajectories in every part, at least one each.
     """
     ends = np.cumsum(lengths)
     wanted = np.cumsum(shares)[:-1] * ends[-1]
@@ -95,6 +75,108 @@ def deal_in_order(lengths, shares) -> list[np.ndarray]:
         last = min(max(nearest, last + 1), len(ends) - len(wanted) + i)
         cuts.append(last)
     return np.split(np.arange(len(ends)), cuts)
+
+
+def train_validation_test_split(
+    X: Table,
+    y: Table,
+    *,
+    sizes: Sequence[float] = (0.6, 0.2, 0.2),
+    by: str = "trajectory",
+    shuffle: bool = False,
+    random_state: RandomState = None,
+    time_column: Column | None = None,
+    trajectory_column: str | None = None,
+) -> list:
+    """Split records into a training, a validation and a test set.
+
+    Parameters
+    ----------
+    X : DataFrame or array-like of shape (n_samples, n_columns)
+        The table, as the estimators read it.
+    y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,)
+        Measured outputs.
+    sizes : tuple of three float, default=(0.6, 0.2, 0.2)
+        Shares of the samples; they sum to one.
+    by : {"trajectory", "time"}, default="trajectory"
+        Whether trajectories stay whole (every set gets at least one), or each is cut in order, its
+        beginning for training and its end for testing. A piece that begins inside a trajectory has
+        no known initial state unless X gives the states in that row too; the model's
+        `initial_state` is used instead.
+    shuffle : bool, default=False
+        Whether to shuffle the trajectories; not possible with ``by="time"``.
+    random_state : int, RandomState instance or None, default=None
+        Controls the shuffling.
+    time_column : int or str, optional
+        Column of X that holds the time; by default ``"t"``, the first where the columns
+        have no names.
+    trajectory_column : str, optional
+        Column of X that names the trajectory of every row; by default ``"trajectory"``, if X has
+        it.
+
+    Returns
+    -------
+    X_train, X_validation, X_test, y_train, y_validation, y_test : DataFrame or array
+        The parts, in the order of the table; a DataFrame stays one and keeps its index.
+
+    Raises
+    ------
+    ValueError
+        If `sizes` is not three shares, there are too few trajectories or samples, pieces would be
+        read as one trajectory, or X has no such column.
+
+    Examples
+    --------
+    >>> X = np.column_stack([np.tile([0.0, 0.1], 5), np.arange(10)])  # five trajectories
+    >>> X_train, X_validation, X_test, *_ = train_validation_test_split(X, X[:, 1])
+    >>> print(X_train[:, 1], X_validation[:, 1], X_test[:, 1])
+    [0. 1. 2. 3. 4. 5.] [6. 7.] [8. 9.]
+    """
+    if len(sizes) != 3 or min(sizes) <= 0 or not np.isclose(sum(sizes), 1):
+        raise ValueError(f"sizes: expected three shares above 0 that sum to 1, got {sizes!r}.")
+    if by not in WAYS:
+        raise ValueError(f"by: expected one of {', '.join(WAYS)}, got {by!r}.")
+    if by == "time" and shuffle:
+        raise ValueError("shuffle: time has an order. Remedy: shuffle=False, or by='trajectory'.")
+    check_consistent_length(X, y)
+    columns = {"time_column": time_column, "trajectory_column": trajectory_column}
+    pieces = read_pieces(X, **columns)
+    if by == "time":
+        parts = _cut_each(pieces, sizes)
+    else:
+        parts = _deal(pieces, sizes, check_random_state(random_state) if shuffle else None)
+    for part in parts:
+        refuse_merging(X, part, **columns)
+    rows = [np.sort(np.concatenate(part)) for part in parts]
+    return [take_rows(table, each) for table in (X, y) for each in rows]
+
+
+def _deal(pieces, sizes, rng) -> list[list[np.ndarray]]:
+    """Distribute whole trajectories over the sets."""
+    if len(pieces) < 3:
+        raise ValueError(
+            f"X: expected at least 3 trajectories, one for each part, got {len(pieces)}. Remedy: "
+            f"by='time' cuts each of them, or record more."
+        )
+    order = np.arange(len(pieces)) if rng is None else rng.permutation(len(pieces))
+    parts = deal_in_order([len(pieces[i]) for i in order], sizes)
+    return [[pieces[i] for i in np.sort(order[part])] for part in parts]
+
+
+def _cut_each(pieces, sizes) -> list[list[np.ndarray]]:
+    """Cut every trajectory in order."""
+    cut = []
+    for i, rows in enumerate(pieces):
+        ends = np.rint(np.cumsum(sizes)[:2] * len(rows)).astype(int)
+        cut.append(np.split(rows, ends))
+        least = min(map(len, cut[-1]))
+        if least < MIN_SAMPLES:
+            raise ValueError(
+                f"X: a part of trajectory number {i}, which has {len(rows)} samples, would have "
+                f"{least}; expected at least {MIN_SAMPLES}. Remedy: by='trajectory', or leave it "
+                f"out."
+            )
+    return [list(part) for part in zip(*cut, strict=True)]
 
 
 def _column(X, name) -> np.ndarray | None:
@@ -119,7 +201,10 @@ def _named(X, trajectory_column) -> np.ndarray | None:
 
 def _read_time(X, time_column) -> np.ndarray:
     """Read the time [s] of every row."""
-    t = _time_by_name(X, time_column) if _has_names(X, time_column) else _nth(X, time_column)
+    named = is_named(X)
+    if time_column is not None:
+        named = isinstance(X, pd.DataFrame) and not isinstance(time_column, Integral)
+    t = _time_by_name(X, time_column) if named else _nth(X, time_column)
     clock = read_clock(pd.Series(t), "X: time")
     if clock is not None:
         return (clock[0] - clock[0][0]) * clock[1]
@@ -128,13 +213,6 @@ def _read_time(X, time_column) -> np.ndarray:
     if bad.size:
         raise ValueError(f"X: time is {t[bad[0]]} in row {bad[0]}; expected a finite number.")
     return t
-
-
-def _has_names(X, time_column) -> bool:
-    """Whether the time is identified by its name, as the estimators read a table."""
-    if time_column is None:
-        return is_named(X)
-    return isinstance(X, pd.DataFrame) and not isinstance(time_column, Integral)
 
 
 def _time_by_name(X, time_column) -> np.ndarray:

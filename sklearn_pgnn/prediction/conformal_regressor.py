@@ -9,7 +9,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.annotations import ArrayLike, Table
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
-from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
+from sklearn_pgnn.model_selection.trajectory_k_fold import columns_of, own_folds
 from sklearn_pgnn.model_selection.trajectory_rows import are_measured, read_pieces
 from sklearn_pgnn.simulation.intervals import (
     check_coverage,

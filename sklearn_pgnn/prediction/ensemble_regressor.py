@@ -11,10 +11,13 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import RandomState, Table
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.model_selection.nested_parameters import parameters_named
-from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, method_of
+from sklearn_pgnn.model_selection.outer_estimator import (
+    OuterEstimatorMixin,
+    method_of,
+    parameters_named,
+)
 from sklearn_pgnn.trajectories.validation import GapScoreMixin
 from sklearn_pgnn.user_line import warn_user
 

@@ -201,75 +201,6 @@ def _prior_step(
         )  # fmt: skip
 
 
-@njit(
-    int64(
-        FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _F2, int64, int64,
-        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, _F1, int64,
-        _F1, _F1, _F2,
-    ),
-    **OPTIONS,
-)  # fmt: skip
-def run(
-    function, terms, energy, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
-    size, n_terms, n_parts, base, guide, seen_at, offset, gain, lossy, root, mean, scale, reach,
-    sizes, activation, theta, core, x, hidden, X,
-):  # fmt: skip
-    """Run a network along one trajectory into X; return the first sample out of reach, or -1."""
-    nx, n_out = x.size, gain.shape[2]
-    widest = _in_lanes(sizes.max())
-    before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
-    gates, out, z = np.zeros(3 * widest), np.zeros(n_out), np.zeros(widest)
-    prior, at, nothing = np.zeros(nx), np.zeros(nx), np.zeros((nx, 0))
-    step_out, old = workspace(dry, 0, acting.shape[1], size)
-    seen, turned = np.zeros(n_terms), _by_input(theta, sizes) if core == 0 else theta
-    parts, (matrices, vectors) = np.zeros(n_parts), loss_workspace(lossy.size)
-    s, stuck = signs_of(dry)
-    u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
-    X[0] = x
-    for k in range(t.size - 1):
-        dt = t[k + 1] - t[k]
-        for i in range(nx):
-            prior[i] = x[i]
-        if base == 2 or guide == 2:
-            u_end = acting[k + 1] if linear_hold else acting[k]
-            _prior_step(
-                function, t[k], dt, prior, nothing, acting[k], u_end, p, s, stuck, dry, substeps,
-                step_out, old, u_from, u_to,
-            )  # fmt: skip
-        for i in range(nx):
-            at[i] = x[i] if seen_at == 0.0 else x[i] + seen_at * (prior[i] - x[i])
-        if guide == 3:
-            evaluate(terms, OUTPUTS, t[k], at, nothing, acting[k], p, s, stuck, seen)
-        _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
-        if core == 0:
-            for i in range(sizes[0]):
-                after[0, i] = z[i]
-            _forward(turned, sizes, activation, before, after)
-            for o in range(n_out):
-                out[o] = after[sizes.size - 1, o]
-        else:
-            _recur(theta, sizes, z, hidden, gates, out)
-        for i in range(nx):
-            if base == 0:
-                x[i] = offset[i]
-            elif base == 2:
-                x[i] = prior[i]
-            for o in range(n_out):
-                x[i] += (gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])) * out[o]
-        if lossy.size:
-            evaluate(energy, OUTPUTS, t[k], prior, nothing, acting[k], p, s, stuck, parts)
-            lose(out, parts[nx:], root, dt, matrices, vectors)
-            for i in range(lossy.size):
-                x[lossy[i]] += vectors[3, i]
-        if _out_of_reach(x, reach):
-            for m in range(k + 1, t.size):
-                X[m] = X[k]
-            return k + 1
-        for i in range(nx):
-            X[k + 1, i] = x[i]
-    return -1
-
-
 @njit(**INNER)
 def _along_the_step(seen_at, by_z, by_at, step_S, by_free):
     """Turn derivatives by the state along the model's step into those by its start, in place."""
@@ -283,16 +214,6 @@ def _along_the_step(seen_at, by_z, by_at, step_S, by_free):
         by_z[j] = (1.0 - seen_at) * by_at[j]
         for i in range(nx):
             by_z[j] += seen_at * by_at[i] * step_S[i, n_free + j]
-
-
-@njit(**INNER)
-def _carry_loss(lossy, change, by_prior, step_S, n_free, x, M):
-    """Add to x what a network loses, and to M how that follows the model's step, in place."""
-    for i in range(lossy.size):
-        x[lossy[i]] += change[i]
-        for q in range(M.shape[0]):
-            for j in range(M.shape[0]):
-                M[lossy[i], q] += by_prior[i, j] * step_S[j, n_free + q]
 
 
 @njit(**INNER)
@@ -379,12 +300,18 @@ def _transition(base, gain, by_z, step_S, M):
 
 
 @njit(**INNER)
-def _carry_numbers(base, lossy, by_prior, step_S, S):
-    """Add to the sensitivities, in place, what the model's numbers change of its step."""
-    nx = S.shape[0]
+def _follow(base, lossy, by_prior, gain, by_z, by_theta, step_S, M, S, S_old):
+    """Carry the sensitivities on by one step, in place."""
+    nx = M.shape[0]
     n_free = step_S.shape[1] - nx
     n_weights = S.shape[1] - n_free
-    if base == 2:
+    _transition(base, gain, by_z, step_S, M)
+    for i in range(lossy.size):
+        for q in range(nx):
+            for j in range(nx):
+                M[lossy[i], q] += by_prior[i, j] * step_S[j, n_free + q]
+    _carry(M, S, S_old, gain, by_theta)
+    if base == 2:  # what the model's numbers change of its step
         for i in range(nx):
             for q in range(n_free):
                 S[i, n_weights + q] += step_S[i, q]
@@ -395,33 +322,36 @@ def _carry_numbers(base, lossy, by_prior, step_S, S):
 
 
 @njit(
-    void(
+    int64(
         FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _F2, int64, int64,
-        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, _F1, _F1,
-        _F2, int64, _I1, _F2, _F3,
+        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, _F1, int64,
+        _F1, _F1, _F2, int64, _I1, _F2, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
-def run_sensitive(
+def run(
     function, terms, energy, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
     size, n_terms, n_parts, base, guide, seen_at, offset, gain, lossy, root, mean, scale, reach,
-    sizes, activation, theta, x, S, begin, wanted, X, SX,
+    sizes, activation, theta, core, x, hidden, S, begin, wanted, X, SX,
 ):  # fmt: skip
-    """Run on from sample ``begin``, x and S in place; those wanted go into X and SX.
+    """Run on from sample ``begin``, x, hidden and S in place; those wanted go into X and SX.
 
-    The last columns of S, which the weights leave over, are for parameters of the model.
+    The last columns of S, which the weights leave over, are for parameters of the model; without a
+    column nothing is differentiated. Return the first sample out of reach, or -1.
     """
-    nx, n_out, n_weights = x.size, gain.shape[2], theta.size
-    n_free = S.shape[1] - n_weights
+    nx, n_out, n_weights, differs = x.size, gain.shape[2], theta.size, S.shape[1] > 0
+    n_free = S.shape[1] - n_weights if differs else 0
+    n_slopes = n_free + nx if differs else 0
     n_seen = mean.size - nx - u.shape[1] - features.shape[1]
-    widest = _in_lanes(sizes.max())
+    widest, last = _in_lanes(sizes.max()), sizes.size - 1
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     z, delta, lower = np.zeros(widest), np.zeros(widest), np.zeros(widest)
+    gates, out = np.zeros(3 * widest), np.zeros(n_out)
     by_theta, by_z = np.zeros((n_out, S.shape[1])), np.zeros((n_out, nx))
     prior, at, by_at = np.zeros(nx), np.zeros(nx), np.zeros(nx)
-    step_S = np.zeros((nx, n_free + nx))
-    step_out, old = workspace(dry, n_free + nx, acting.shape[1], size)
-    seen, turned = np.zeros(n_terms), _by_input(theta, sizes)
+    step_S = np.zeros((nx, n_slopes))
+    step_out, old = workspace(dry, n_slopes, acting.shape[1], size)
+    seen, turned = np.zeros(n_terms), _by_input(theta, sizes) if core == 0 else theta
     parts, (matrices, vectors) = np.zeros(n_parts), loss_workspace(lossy.size)
     by_out, by_prior = np.zeros((lossy.size, n_out)), np.zeros((lossy.size, nx))
     s, stuck = signs_of(dry)
@@ -434,9 +364,10 @@ def run_sensitive(
     for k in range(begin, wanted[-1]):
         dt = t[k + 1] - t[k]
         prior[:] = x
-        step_S[:, :] = 0.0
-        for i in range(nx):
-            step_S[i, n_free + i] = 1.0
+        if differs:
+            step_S[:, :] = 0.0
+            for i in range(nx):
+                step_S[i, n_free + i] = 1.0
         if base == 2 or guide == 2:
             u_end = acting[k + 1] if linear_hold else acting[k]
             _prior_step(
@@ -448,9 +379,14 @@ def run_sensitive(
         if guide == 3:
             evaluate(terms, OUTPUTS, t[k], at, step_S, acting[k], p, s, stuck, seen)
         _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
-        after[0] = z
-        _forward(turned, sizes, activation, before, after)
-        for o in range(n_out):
+        if core == 0:
+            after[0] = z
+            _forward(turned, sizes, activation, before, after)
+            for o in range(n_out):
+                out[o] = after[last, o]
+        else:
+            _recur(theta, sizes, z, hidden, gates, out)
+        for o in range(n_out if differs else 0):
             _backward(theta, sizes, activation, before, after, o, by_theta[o], delta, lower)
             _by_features(
                 delta, scale, guide, u.shape[1], n_seen, seen, step_S, dt, by_z[o],
@@ -459,29 +395,30 @@ def run_sensitive(
             if seen_at > 0.0:
                 _along_the_step(seen_at, by_z[o], by_at, step_S, by_theta[o, n_weights:])
         _gain_of(gain, dt, gain_k)
+        _advance_state(base, offset, prior, gain_k, out, n_out if lossy.size == 0 else 0, x)
         if lossy.size:
             evaluate(energy, OUTPUTS, t[k], prior, step_S, acting[k], p, s, stuck, parts)
-            lose(after[sizes.size - 1], parts[nx:], root, dt, matrices, vectors)
-            slopes = nx + lossy.size * (1 + lossy.size) + nx * (nx + n_free)
-            lose_slopes(
-                parts[nx:], parts[slopes:], root, dt, matrices, vectors, by_out, by_prior,
-            )  # fmt: skip
+            lose(out, parts[nx:], root, dt, matrices, vectors)
             for i in range(lossy.size):
-                gain_k[lossy[i]] = by_out[i]
-        linear = n_out if lossy.size == 0 else 0
-        _advance_state(base, offset, prior, gain_k, after[sizes.size - 1], linear, x)
-        _transition(base, gain_k, by_z, step_S, M)
-        _carry_loss(lossy, vectors[3], by_prior, step_S, n_free, x, M)
-        _carry(M, S, S_old, gain_k, by_theta)
-        _carry_numbers(base, lossy, by_prior, step_S, S)
+                x[lossy[i]] += vectors[3, i]
+            if differs:
+                slopes = nx + lossy.size * (1 + lossy.size) + nx * (nx + n_free)
+                lose_slopes(
+                    parts[nx:], parts[slopes:], root, dt, matrices, vectors, by_out, by_prior,
+                )  # fmt: skip
+                for i in range(lossy.size):
+                    gain_k[lossy[i]] = by_out[i]
+        if differs:
+            _follow(base, lossy, by_prior, gain_k, by_z, by_theta, step_S, M, S, S_old)
         if _out_of_reach(x, reach):
             X[row:] = np.inf
             SX[row:] = 0.0
             x[:] = np.inf
-            return
+            return k + 1
         if k + 1 == wanted[row]:
             X[row], SX[row] = x, S
             row += 1
+    return -1
 
 
 @njit(

@@ -26,7 +26,7 @@ from sklearn_pgnn.physics.terms import model_terms
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive, run_terms
+from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_terms
 from sklearn_pgnn.simulation.simulate import parameter_values
 
 BASES = ("constant", "state", "prior")
@@ -102,6 +102,12 @@ class NetworkStep:
         """Number of the network's outputs."""
         return self.gain.shape[2]
 
+    def values_at(self, changes) -> dict:
+        """Return the free parameters' values after relative changes, of shape (..., n_free)."""
+        given = zip(self.free, parameter_units(self.model, self.free), strict=True)
+        own = self.model.parameters
+        return {name: own[name].value + u * changes[..., i] for i, (name, u) in enumerate(given)}
+
 
 @dataclass(frozen=True)
 class NetworkRecord:
@@ -129,11 +135,7 @@ class NetworkRecord:
 
 
 def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None, features=None):
-    """Prepare a trajectory for the network's loop.
-
-    `simulated`, of shape (n_samples, n_states), is an open-loop simulation that guides the network;
-    `features`, (n_samples, n_features), are further columns that it sees.
-    """
+    """Prepare a trajectory for the network's loop, with an open-loop simulation that guides it."""
     n = t.size
     acting = _own(delayed_inputs(model, t, u, hold == "foh"))
     seen = acting[:, : u.shape[1]]
@@ -150,68 +152,69 @@ def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None,
     )
 
 
-def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hidden=None):
-    """Run a network in free run along a trajectory.
-
-    `theta` are the network's weights, then the relative changes of the step's free parameters.
-    `hidden`, the state of a recurrent core, is changed in place; by default it is zeros that are
-    forgotten. Return the states, of shape (n_samples, n_states), the last ones within reach being
-    repeated once they leave it, and the first sample out of reach, -1 if there is none.
-    """
-    return FreeRun(step, theta)(record, hidden)
+def samples_of(t: np.ndarray, acting: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what the model's own steps need of samples: time, step, inputs at both its ends."""
+    return {
+        "t": t,
+        "dt": np.append(np.diff(t), 0.0),
+        "acting": acting,
+        "acting_next": np.vstack([acting[1:], acting[-1:]]),
+    }
 
 
 class FreeRun:
-    """A network in free run, prepared once for many trajectories.
+    """A network in free run along trajectories, prepared once for many of them.
 
-    `theta` are the network's weights, then the relative changes of the step's free parameters.
+    `theta` are the network's weights, then the relative changes of the step's free parameters; with
+    `differs` the states can be differentiated by these, for a feed-forward core.
     """
 
-    def __init__(self, step: NetworkStep, theta: np.ndarray):
-        self._functions, self._settings = _functions_and_settings(step, theta)
-        self._core, self._n_hidden = CORES.index(step.core), _n_hidden(step)
-        self._linear = step.hold == "foh"
-
-    def __call__(self, record: NetworkRecord, hidden=None):
-        """Run along a trajectory, see `run_network`."""
-        states = np.empty((record.t.size, record.x0.size))
-        hidden = np.zeros(self._n_hidden) if hidden is None else hidden
-        functions = (each.argument for each in self._functions)
-        given = (*functions, *_given(record, self._linear), *self._settings)
-        return states, run(*given, self._core, record.x0.copy(), hidden, states)
-
-
-class NetworkSensitivities:
-    """States of a network in free run and their derivatives by its weights, piece after piece.
-
-    `theta` are the weights of a feed-forward core, then the relative changes of the step's free
-    parameters.
-    """
-
-    def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
-        self._functions, settings = _functions_and_settings(step, theta, step.free)
-        functions = (each.argument for each in self._functions)  # which are held here
-        self._given = (*functions, *_given(record, step.hold == "foh"), *settings)
+    def __init__(self, step: NetworkStep, theta: np.ndarray, differs: bool = False):
+        self._step, self._n_theta = step, theta.size
+        free = step.free if differs else None
+        self._functions, self._settings = _functions_and_settings(step, theta, free)
         self._unit = parameter_units(step.model, step.free)
-        self._x, self._S = record.x0.copy(), np.zeros((record.x0.size, theta.size))
-        self._place = 0
 
-    def pieces(self, samples, length: int = 512):
-        """Run on, piece by piece; each begins with the last sample of the one before.
+    def __call__(self, record: NetworkRecord):
+        """Run along a trajectory.
+
+        Return the states, of shape (n_samples, n_states), the last ones within reach being repeated
+        once they leave it, and the first sample out of reach, -1 if there is none.
+        """
+        n, nx = record.t.size, record.x0.size
+        hidden = np.zeros(self._step.sizes[1] if self._step.core == "recurrent" else 0)
+        states, none = np.empty((n, nx)), np.zeros((n, nx, 0))
+        begun = record.x0.copy(), hidden, none[0], 0, np.arange(n)
+        failed = self._run(record, *begun, states, none)
+        if failed >= 0:
+            states[failed:] = states[failed - 1]
+        return states, failed
+
+    def pieces(self, record: NetworkRecord, samples, length: int = 512):
+        """Run on, piece by piece, with derivatives; each begins with the last sample before it.
 
         The states are wanted at `samples`, in increasing order; `length` is samples per piece, not
         counting that first one. Yield a piece's samples, its states, infinite once they have left
         the reach, and their derivatives by the weights and the changes, of shape (n, n_states,
         n_weights + n_free).
         """
-        nx, n_weights = self._S.shape
+        nx, n_theta, place = record.x0.size, self._n_theta, 0
+        now = record.x0.copy(), np.zeros(0), np.zeros((nx, n_theta))
         for start in range(0, max(1, len(samples) - 1), length):
             wanted = np.array(samples[start : start + length + 1], dtype=np.int64)
-            x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_weights))
-            run_sensitive(*self._given, self._x, self._S, self._place, wanted, x, S)
-            S[:, :, n_weights - self._unit.size :] *= self._unit
+            x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_theta))
+            self._run(record, *now, place, wanted, x, S)
+            S[:, :, n_theta - self._unit.size :] *= self._unit
             yield wanted, x, S
-            self._place = wanted[-1]
+            place = wanted[-1]
+
+    def _run(self, record: NetworkRecord, *where) -> int:
+        core, linear_hold = CORES.index(self._step.core), self._step.hold == "foh"
+        functions = (each.argument for each in self._functions)  # which are held here
+        return run(
+            *functions, record.t, record.acting, linear_hold, record.u, record.simulated,
+            record.features, *self._settings, core, *where,
+        )  # fmt: skip
 
 
 def parameter_units(model: PhysicsModel, names: tuple[str, ...]) -> np.ndarray:
@@ -220,12 +223,10 @@ def parameter_units(model: PhysicsModel, names: tuple[str, ...]) -> np.ndarray:
 
 
 def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_next, free=()):
-    """Simulate many samples of a model by one step each, with the derivatives.
+    """Simulate many samples of a model by one step each, under inputs that act at both its ends.
 
-    `u` and `u_next` are the inputs as they act at the beginning and at the end of the step, of
-    shape (n_samples, n_inputs + n_delays). Return the states one step later, of shape (n_samples,
-    n_states), and their derivatives by the parameters `free`, then by the states, (n_samples,
-    n_states, n_free + n_states).
+    Return the states one step later, and their derivatives by the parameters `free`, then by the
+    states, (n_samples, n_states, n_free + n_states).
     """
     function, source = compile_model(model, free)
     x_next = np.array(x, dtype=float, order="C")
@@ -247,21 +248,19 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
 
 
 def term_values(model: PhysicsModel, t, x, u, spread):
-    """Evaluate the terms of a model's rates, with their derivatives by the state.
+    """Evaluate the terms of a model's rates besides states and inputs, and their derivatives.
 
-    `u` are the inputs as they act, `spread` the standard deviations of the states. Return all terms
-    besides the states and inputs themselves, of shape (n_samples, n_terms), and their derivatives,
-    (n_samples, n_terms, n_states).
+    `spread` are the standard deviations of the states; the derivatives are by these, (n_samples,
+    n_terms, n_states).
     """
     with_terms = _with_terms(model, tuple(float(value) for value in spread))
     return _output_values(with_terms, len(_seen_terms(model)), t, x, u)
 
 
 def energy_values(model: PhysicsModel, states: tuple[str, ...], t, x, u):
-    """Evaluate the slopes and the Hessian of the stored energy, with their derivatives.
+    """Evaluate the slopes and the Hessian of the stored energy by some states, row by row.
 
-    Return the slopes by some states, then the Hessian row by row, of shape (n_samples, n_lossy +
-    n_lossy**2), and their derivatives by all states. `u` are the inputs as they act.
+    Return also their derivatives by all states, (n_samples, n_lossy + n_lossy**2, n_states).
     """
     return _output_values(energy_model(model, states), len(states) * (1 + len(states)), t, x, u)
 
@@ -333,17 +332,6 @@ def terms_model(step: NetworkStep) -> PhysicsModel:
 def _own(values) -> np.ndarray:
     """Return a contiguous copy of floats, as the compiled loops take it."""
     return np.array(values, dtype=float, order="C")
-
-
-def _n_hidden(step) -> int:
-    return step.sizes[1] if step.core == "recurrent" else 0
-
-
-def _given(record: NetworkRecord, linear_hold: bool):
-    """Return a trajectory as the loops take it."""
-    return (
-        record.t, record.acting, linear_hold, record.u, record.simulated, record.features,
-    )  # fmt: skip
 
 
 def _functions_and_settings(step, theta, wrt=None):

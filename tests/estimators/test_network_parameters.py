@@ -12,7 +12,7 @@ pytest.importorskip("torch")
 from sklearn.base import clone
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModel
-from sklearn_pgnn.estimators.network.free_run import weights_of
+from sklearn_pgnn.estimators.network.step_network import weights_of
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 
 MASS = PhysicsModel(
@@ -74,8 +74,8 @@ def test_what_the_network_cannot_say_the_parameters_do():
 def test_derivatives_by_parameters_and_weights_are_those_of_differences(monkeypatch):
     looked = []
 
-    def look(self, training):
-        objective = self._objective(training)
+    def look(self):
+        objective = self._objective(self._data.records)
         theta = np.append(weights_of(self.module_.core), 0.3 * self._changes())
         objective.weigh_overlap(theta)
         gradient = objective(theta).gradient

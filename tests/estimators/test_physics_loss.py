@@ -1,5 +1,9 @@
 """The physical terms: laws they must obey, numbers by hand, and the weight they get."""
 
+import copy
+import pickle
+
+import braked_cart
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,19 +13,23 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModel, make_pgnn_pipeline, network, systems
-from sklearn_pgnn.estimators.network.balance import FORGETTING, balanced_lambda
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_run import step_with, weights_of
 from sklearn_pgnn.estimators.network.least_squares import (
     SimulationObjective,
     l_bfgs,
     levenberg_marquardt,
 )
-from sklearn_pgnn.estimators.network.physics_loss import Motion, PhysicsLoss, as_terms
+from sklearn_pgnn.estimators.network.physics_loss import (
+    FORGETTING,
+    Motion,
+    PhysicsLoss,
+    as_terms,
+    balanced_lambda,
+)
 from sklearn_pgnn.estimators.network.records import TrainingRecord
-from sklearn_pgnn.estimators.network.step_network import StepNetwork
-from sklearn_pgnn.estimators.network.structure import base_of, gain_of
-from sklearn_pgnn.simulation.network_run import NetworkStep, network_record
+from sklearn_pgnn.estimators.network.step_network import StepNetwork, step_with, weights_of
+from sklearn_pgnn.estimators.network.structure import BASE_OF, gain_of
+from sklearn_pgnn.simulation.network_run import NetworkStep, network_record, samples_of
 
 CART = systems.cart_on_spring()
 WITH_ENERGY = [CART, systems.golf_robot(), systems.servo_valve()]
@@ -216,7 +224,7 @@ def problem(terms, lambda_phy, *, structure="correction", n=40, stride=1):
     y = x[:, :1] + 0.001 * rng.normal(size=(n, 1))
     some = rng.normal(size=(3, 8, 2))
     step = NetworkStep(
-        CART, base_of(structure), None, np.zeros(2), gain_of(CART, structure, *some, np.ones(8)),
+        CART, BASE_OF[structure], None, np.zeros(2), gain_of(CART, structure, *some, np.ones(8)),
         np.zeros(3), np.array([0.1, 0.5, 2.0]), np.array([[-1e3], [1e3]]) * np.ones(2),
     )  # fmt: skip
     torch.manual_seed(0)
@@ -229,11 +237,7 @@ def problem(terms, lambda_phy, *, structure="correction", n=40, stride=1):
     )
 
     def loss():
-        samples = {
-            "t": t, "dt": np.append(np.diff(t), 0.0), "acting": u,
-            "acting_next": np.vstack([u[1:], u[-1:]]),
-        }  # fmt: skip
-        rollout = StepNetwork(core, step, samples)
+        rollout = StepNetwork(core, step, samples_of(t, u))
         rollout.teacher_forcing = False
         found = rollout(*window[:1], *window[1:], torch.arange(n - 1)[None])
         error = ((found[0, :, :1] - torch.as_tensor(y[1:])) / 0.02) ** 2
@@ -524,3 +528,142 @@ def test_physics_residual_says_what_is_missing():
     net = small(CART).fit(X, Y)
     with pytest.raises(ValueError, match=r"states: expected shape \(600, 2\), got \(600,\)"):
         net.physics_residual(X, states=Y)
+
+
+# -- the paper's losses, in units and joules -------------------------------------------------------
+
+
+def one_cart_record():
+    t = 0.02 * np.arange(80)
+    force = np.sin(3 * t)
+    return np.column_stack([t, force]), CART.simulate(t, force, substeps=4).y
+
+
+def stored(x):
+    values = {name: p.value for name, p in CART.parameters.items()}
+    return values["m"] * x[..., 1] ** 2 / 2 + values["k"] * x[..., 0] ** 2 / 2
+
+
+def lack(x, u, t):
+    """Return the energy that steps lack [J], by hand."""
+    dt, v = np.diff(t), (x[1:, 1] + x[:-1, 1]) / 2
+    return np.diff(stored(x)) + dt * (CART.parameters["d"].value * v**2 - u * v)
+
+
+def test_a_residual_is_the_energy_that_a_step_lacks():
+    x = np.random.default_rng(0).normal(size=(6, 2))
+    t, u = np.cumsum([0, 0.1, 0.2, 0.1, 0.3, 0.1]), np.arange(5.0)
+    motion = Motion(np.stack([x[:-1], x[1:]], 1), u[:, None, None], np.stack([t[:-1], t[1:]], 1))
+    loss = PhysicsLoss([network.EnergyBalance()], CART, motion, scaled=False)
+    window = [torch.as_tensor(part)[None] for part in (x, u[:, None], t)]
+    assert loss.residuals(*window)[0][0, :, 0].numpy() == pytest.approx(lack(x, u, t))
+
+
+@pytest.mark.parametrize("lambda_phy", [0.0, 0.25])
+def test_the_loss_of_single_steps_is_the_papers(lambda_phy):
+    seen = []
+
+    class Watching(PGNNLRegressor):
+        def get_loss(self, y_pred, y_true, X=None, training=False):
+            loss = super().get_loss(y_pred, y_true, X, training)
+            error = float(((y_pred.detach() - y_true) ** 2).sum(-1).mean())
+            x, u, t = (X[name].numpy() for name in ("x", "u", "t"))
+            steps = [
+                lack(np.stack([x[k, 0], y_pred[k, 0].detach().numpy()]), u[k, :, 0], t[k])
+                for k in range(len(x))
+            ]
+            seen.append(
+                (float(loss), (1 - lambda_phy) * error + lambda_phy * np.mean(np.square(steps)))
+            )
+            return loss
+
+    Watching(
+        CART, structure="increment", lambda_phy=lambda_phy, scaled=False, max_epochs=1,
+        refine=None, substeps=1,
+    ).fit(*one_cart_record())  # fmt: skip
+    got, expected = np.transpose(seen)
+    assert got == pytest.approx(expected, rel=1e-9)
+
+
+def test_scaled_is_yes_or_no():
+    with pytest.raises(ValueError, match="scaled: expected True or False, got 'J'"):
+        PGNNLRegressor(CART, scaled="J").fit(*one_cart_record())
+
+
+# -- a balance with a dissipation of its own, whose parameters are trained -------------------------
+
+BRAKED, LONG = braked_cart.CART, braked_cart.QUICK
+OWN = network.EnergyBalance(dissipated="d*v**2 + c*abs(v)**3", parameters={"c": 0.1})
+BRAKED_X, BRAKED_Y = braked_cart.records()
+
+
+@pytest.fixture(scope="module")
+def balanced():
+    return PGNNLRegressor(BRAKED, lambda_phy=0.1, physics_loss=OWN, **LONG).fit(BRAKED_X, BRAKED_Y)
+
+
+@pytest.mark.slow
+def test_the_parameter_of_a_balance_is_found(balanced):
+    assert balanced.dissipation_["c"] == pytest.approx(0.5, rel=0.1)
+    assert balanced.model_.parameters["c"].value == balanced.dissipation_["c"]
+    assert balanced.parameters_ == {}
+    assert "c" not in BRAKED.parameters
+
+
+@pytest.mark.slow
+def test_the_residual_is_that_of_the_trained_balance(balanced):
+    own, priors = (
+        np.nanmean(each.physics_residual(BRAKED_X) ** 2)
+        for each in (
+            balanced,
+            PGNNLRegressor(BRAKED, lambda_phy=0.0, **LONG).fit(BRAKED_X, BRAKED_Y),
+        )
+    )
+    assert own < 0.2 * priors
+
+
+@pytest.mark.slow
+def test_a_trained_balance_survives_copies(balanced):
+    for again in (copy.deepcopy(balanced), pickle.loads(pickle.dumps(balanced))):
+        assert np.array_equal(again.predict(BRAKED_X), balanced.predict(BRAKED_X))
+        assert np.array_equal(
+            again.physics_residual(BRAKED_X), balanced.physics_residual(BRAKED_X), equal_nan=True
+        )
+
+
+def test_the_parameter_does_not_become_negative():
+    drives = network.EnergyBalance(
+        dissipated="d*v**2 + 9*v**2 + c*abs(v)**3", parameters={"c": 0.1}
+    )
+    options = {**LONG, "refine_max_iter": 5, "max_epochs": 2}
+    balanced = PGNNLRegressor(BRAKED, lambda_phy=0.5, physics_loss=drives, **options).fit(
+        BRAKED_X, BRAKED_Y
+    )
+    assert 0 <= balanced.dissipation_["c"] < 0.1
+
+
+def test_without_a_weight_no_balance_is_trained():
+    options = {**LONG, "refine": None, "max_epochs": 1}
+    one = PGNNLRegressor(BRAKED, physics_loss=OWN, **options).fit(BRAKED_X, BRAKED_Y)
+    assert one.dissipation_ == {}
+    assert np.array_equal(
+        one.predict(BRAKED_X),
+        PGNNLRegressor(BRAKED, **options).fit(BRAKED_X, BRAKED_Y).predict(BRAKED_X),
+    )
+
+
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [
+        (
+            network.EnergyBalance(parameters={"c": 1.0}),
+            "expected 'dissipated' with c in it, got none",
+        ),
+        (network.EnergyBalance(dissipated="d*v**2", parameters={"d": 1.0}), r"free=\['d'\] trains"),
+        (network.EnergyBalance(dissipated="d*v**2 + e"), "'e'"),
+        (network.EnergyBalance(dissipated="c*v", parameters={"c": -1.0}), "within its bounds"),
+    ],
+)
+def test_balances_that_cannot_be(term, message):
+    with pytest.raises(ValueError, match=message):
+        PGNNLRegressor(BRAKED, lambda_phy=0.1, physics_loss=term, **LONG).fit(BRAKED_X, BRAKED_Y)

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModel, effects, systems
-from sklearn_pgnn.estimators.network.free_run import run_core
+from sklearn_pgnn.estimators.network.step_network import ready_to_run
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export import to_onnx
 from sklearn_pgnn.network import Recurrent
@@ -37,7 +37,7 @@ def fitted(name, n=800):
 def steps(network, X):
     """Return the network's record, its states in free run, and the inputs of every step by name."""
     (record,) = network._read_ready(X).ready
-    x, _ = run_core(network.module_.core, network.step_, record)
+    x, _ = ready_to_run(network.module_.core, network.step_)(record)
     here, following = record.acting[:-1], record.acting[1:]
     given = {
         "x": x[:-1],

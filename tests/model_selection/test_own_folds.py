@@ -22,7 +22,7 @@ from sklearn_pgnn.model_selection import (
     pareto_front,
     train_validation_test_split,
 )
-from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
+from sklearn_pgnn.model_selection.trajectory_k_fold import columns_of, own_folds
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
 RENAMED = LAG.replace(columns={"t": "time"})

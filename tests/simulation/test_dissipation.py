@@ -10,15 +10,19 @@ from hypothesis import strategies as st
 
 from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.dissipation import dissipated
-from sklearn_pgnn.estimators.network.free_run import run_core, step_with, weights_of
-from sklearn_pgnn.estimators.network.step_network import StepNetwork
+from sklearn_pgnn.estimators.network.step_network import (
+    StepNetwork,
+    ready_to_run,
+    step_with,
+    weights_of,
+)
+from sklearn_pgnn.estimators.network.torch_functions import dissipated
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_model
 from sklearn_pgnn.simulation.network_run import (
-    NetworkSensitivities,
+    FreeRun,
     NetworkStep,
     network_record,
-    run_network,
+    samples_of,
     term_values,
 )
 from sklearn_pgnn.simulation.simulate import simulate
@@ -99,7 +103,7 @@ def test_a_free_run_stores_no_more_than_the_models_steps_do(size, lossy, guide, 
     rng = np.random.default_rng(seed)
     step = step_of(lossy, guide, rng)
     record = record_of(rng)
-    x, failed = run_core(core_for(step, seed, size), step, record)
+    x, failed = ready_to_run(core_for(step, seed, size), step)(record)
     assert failed == -1
     for k in range(len(x) - 1):
         two = slice(k, k + 2)
@@ -124,14 +128,8 @@ def test_torch_and_the_compiled_loop_agree(lossy, guide):
     rng = np.random.default_rng(1)
     step, record = step_of(lossy, guide, rng), record_of(rng, guide)
     core = core_for(step)
-    x, failed = run_core(core, step, record)
-    samples = {
-        "t": record.t,
-        "dt": np.append(np.diff(record.t), 0.0),
-        "acting": record.acting,
-        "acting_next": np.vstack([record.acting[1:], record.acting[-1:]]),
-    }
-    network = StepNetwork(core, step, samples)
+    x, failed = ready_to_run(core, step)(record)
+    network = StepNetwork(core, step, samples_of(record.t, record.acting))
     network.teacher_forcing = False
     window = {
         "x": torch.as_tensor(record.x0)[None, None],
@@ -146,7 +144,7 @@ def test_torch_and_the_compiled_loop_agree(lossy, guide):
     assert x[1:] == pytest.approx(found[0].detach().numpy(), rel=1e-10, abs=1e-10)
     # the slopes of torch are those of the sensitivities
     theta = weights_of(core)
-    S = next(iter(NetworkSensitivities(step_with(core, step), theta, record).pieces([0, 39])))[2]
+    S = next(iter(FreeRun(step_with(core, step), theta, differs=True).pieces(record, [0, 39])))[2]
     for i in range(4):
         by_torch = torch.autograd.grad(found[0, -1, i], core.parameters(), retain_graph=True)
         by_torch = torch.nn.utils.parameters_to_vector(by_torch).numpy()
@@ -165,10 +163,10 @@ def test_sensitivities_are_the_derivatives(lossy, guide):
         ends = [theta.copy(), theta.copy()]
         ends[0][i] += 1e-6
         ends[1][i] -= 1e-6
-        up, down = (run_network(step, end, record)[0] for end in ends)
+        up, down = (FreeRun(step, end)(record)[0] for end in ends)
         columns.append((up - down) / 2e-6)
     expected = np.stack(columns, axis=-1)
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(np.arange(40), 16))
+    pieces = list(FreeRun(step, theta, differs=True).pieces(record, np.arange(40), 16))
     found = np.concatenate([S[min(i, 1) :] for i, (_, _, S) in enumerate(pieces)])
     assert np.abs(expected).max() > 1e-3
     assert found == pytest.approx(expected, rel=1e-5, abs=1e-6 * np.abs(expected).max())

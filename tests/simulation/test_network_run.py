@@ -17,17 +17,21 @@ from hypothesis import strategies as st
 import sklearn_pgnn
 from sklearn_pgnn import effects, systems
 from sklearn_pgnn.estimators.network.cores import FeedForward, Recurrent
-from sklearn_pgnn.estimators.network.free_run import run_core, step_with, weights_of
-from sklearn_pgnn.estimators.network.step_network import StepNetwork, _PriorStep
-from sklearn_pgnn.estimators.network.structure import base_of, gain_of
+from sklearn_pgnn.estimators.network.step_network import (
+    StepNetwork,
+    ready_to_run,
+    step_with,
+    weights_of,
+)
+from sklearn_pgnn.estimators.network.structure import BASE_OF, gain_of
 from sklearn_pgnn.simulation.network_run import (
     ACTIVATIONS,
-    NetworkSensitivities,
+    FreeRun,
     NetworkStep,
     names_in_terms,
     network_record,
     prior_steps,
-    run_network,
+    samples_of,
     term_values,
 )
 from sklearn_pgnn.simulation.simulate import simulate
@@ -69,7 +73,7 @@ def step_of(model, structure, guide, rng, *, hold="zoh", substeps=2):
     n_in = nx + nu + width_of(guide, model) + N_FEATURES
     some = rng.normal(size=(3, 8, nx))
     return NetworkStep(
-        model, base_of(structure), guide, rng.normal(size=nx),
+        model, BASE_OF[structure], guide, rng.normal(size=nx),
         gain_of(model, structure, *some, np.full(8, 0.5)),
         rng.normal(size=n_in), rng.uniform(0.5, 2, n_in),
         np.array([[-1e3], [1e3]]) * np.ones(nx), substeps=substeps, hold=hold,
@@ -92,13 +96,7 @@ def core_for(step, kind, seed=0, neurons=4):
 
 def as_module(core, step, record):
     """Return the torch network and the trajectory as its one window, the prediction fed back."""
-    samples = {
-        "t": record.t,
-        "dt": np.append(np.diff(record.t), 0.0),
-        "acting": record.acting,
-        "acting_next": np.vstack([record.acting[1:], record.acting[-1:]]),
-    }
-    network = StepNetwork(core, step, samples)
+    network = StepNetwork(core, step, samples_of(record.t, record.acting))
     network.teacher_forcing = False
     n = record.t.size - 1
     window = {
@@ -151,7 +149,7 @@ def test_three_loops_agree(structure, guide, kind):
         step = step_of(HARDENING, structure, guide, rng, hold=hold)
         record = bare(record_of(HARDENING, rng, hold=hold), step)
         core = core_for(step, kind)
-        x, failed = run_core(core, step, record)
+        x, failed = ready_to_run(core, step)(record)
         assert failed == -1
         assert np.ptp(x[5:], axis=0).min() > 1e-7
         assert x == pytest.approx(by_torch(core, step, record), rel=1e-10, abs=1e-10)
@@ -166,7 +164,7 @@ def test_deep_and_narrow_networks_agree():
     for neurons, layers in ((1, 1), (1, 4), (40, 1)):
         torch.manual_seed(neurons)
         core = FeedForward(len(step.mean), 1, neurons=neurons, layers=layers).double()
-        x = run_core(core, step, record)[0]
+        x = ready_to_run(core, step)(record)[0]
         assert x == pytest.approx(by_torch(core, step, record), rel=1e-10, abs=1e-10)
 
 
@@ -191,7 +189,7 @@ def test_any_network_is_followed_or_flagged(structure, guide, layers, neurons, s
     with torch.no_grad():
         for weight in core.parameters():
             weight.mul_(10 * size)
-    x, failed = run_core(core, step, record)
+    x, failed = ready_to_run(core, step)(record)
     expected = by_torch(core, step, record)
     outside = np.any(~(np.abs(expected) <= 1e3), axis=1)
     assert failed == (int(np.argmax(outside)) if outside.any() else -1)
@@ -226,7 +224,7 @@ def test_zero_weights_are_the_model_itself(model, hold):
         mean=np.zeros(3), scale=np.ones(3),
     )  # fmt: skip
     record = network_record(model, t, u, x0, hold=hold)
-    x, failed = run_network(*idle(step), record)
+    x, failed = FreeRun(*idle(step))(record)
     assert failed == -1
     assert np.array_equal(x, simulate(model, t, u, x0, substeps=3, hold=hold).x)
     if model is GOLF:  # it does stick
@@ -237,7 +235,7 @@ def test_increment_of_nothing_stays():
     rng = np.random.default_rng(3)
     step = step_of(CART, "increment", None, rng)
     record = bare(record_of(CART, rng), step)
-    assert np.array_equal(run_network(*idle(step), record)[0], np.tile(record.x0, (60, 1)))
+    assert np.array_equal(FreeRun(*idle(step))(record)[0], np.tile(record.x0, (60, 1)))
 
 
 def test_constant_acceleration_moves_position_by_half_the_step_squared():
@@ -247,7 +245,7 @@ def test_constant_acceleration_moves_position_by_half_the_step_squared():
     record = bare(record_of(free, rng), step)
     step, theta = idle(step)
     theta[-1] = 1.0 / step.gain[1, 1, 0]  # the bias: 1 m/s^2
-    x, t = run_network(step, theta, record)[0], record.t - record.t[0]
+    x, t = FreeRun(step, theta)(record)[0], record.t - record.t[0]
     assert x[:, 1] == pytest.approx(record.x0[1] + t)
     assert x[:, 0] == pytest.approx(record.x0[0] + record.x0[1] * t + t**2 / 2)
 
@@ -263,11 +261,11 @@ def test_out_of_reach_is_flagged_and_finite(structure, weight):
     record = bare(record_of(CART, rng), step)
     step, theta = idle(step)
     theta[:] = weight * 1e3
-    x, failed = run_network(step, theta, record)
+    x, failed = FreeRun(step, theta)(record)
     assert failed > 0
     assert np.isfinite(x).all()
     assert np.array_equal(x[failed:], np.tile(x[failed - 1], (len(x) - failed, 1)))
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(np.arange(60), 10))
+    pieces = list(FreeRun(step, theta, differs=True).pieces(record, np.arange(60), 10))
     assert not np.isfinite(np.concatenate([x for _, x, _ in pieces])).all()
 
 
@@ -276,7 +274,7 @@ def test_one_sample_is_its_own_start():
     step = step_of(CART, "correction", None, rng)
     record = bare(record_of(CART, rng, n=1), step)
     for kind in ("tanh", "recurrent"):
-        x, failed = run_core(core_for(step, kind), step, record)
+        x, failed = ready_to_run(core_for(step, kind), step)(record)
         assert failed == -1
         assert np.array_equal(x, record.x0[None])
 
@@ -292,14 +290,14 @@ def differences(step, theta, record, small=1e-6):
         for sign in (1, -1):
             moved = theta.copy()
             moved[i] += sign * small
-            ends.append(run_network(step, moved, record)[0])
+            ends.append(FreeRun(step, moved)(record)[0])
         columns.append((ends[0] - ends[1]) / (2 * small))
     return np.stack(columns, axis=-1)
 
 
 def sensitivities(step, theta, record, length=512):
     samples = np.arange(len(record.t))
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(samples, length))
+    pieces = list(FreeRun(step, theta, differs=True).pieces(record, samples, length))
     parts = [S[(1 if samples[0] else 0) :] for samples, _, S in pieces]
     return np.concatenate(parts)
 
@@ -332,7 +330,7 @@ def test_sensitivities_jump_where_the_friction_changes_its_side(torque):
     torch.manual_seed(0)
     core = FeedForward(3, 1, neurons=3, layers=1).double()
     step, theta = step_with(core, step), weights_of(core)
-    x = run_network(step, theta, record)[0]
+    x = FreeRun(step, theta)(record)[0]
     assert np.sum(np.diff(np.sign(x[:, 1])) != 0) >= 4
     expected, found = differences(step, theta, record), sensitivities(step, theta, record)
     # where a sample and an event meet, differences straddle the corner: it may be a few samples
@@ -349,8 +347,8 @@ def test_pieces_make_no_difference():
     step, theta = step_with(core, step), weights_of(core)
     whole = sensitivities(step, theta, record)
     assert np.array_equal(sensitivities(step, theta, record, length=7), whole)
-    wanted, states = np.arange(2, len(record.t), 3), run_network(step, theta, record)[0]
-    for samples, x, S in NetworkSensitivities(step, theta, record).pieces(wanted, 7):
+    wanted, states = np.arange(2, len(record.t), 3), FreeRun(step, theta)(record)[0]
+    for samples, x, S in FreeRun(step, theta, differs=True).pieces(record, wanted, 7):
         assert np.array_equal(S, whole[samples])
         assert x == pytest.approx(states[samples])
 
@@ -366,7 +364,7 @@ def test_gradient_of_the_models_own_step(model, hold):
     record = record_of(model, rng, n=6, hold=hold, size=0.3)
     network, window = as_module(core_for(step, "tanh"), step, record)
     x = torch.as_tensor(rng.uniform(1, 2, (5, 2))).requires_grad_()
-    assert torch.autograd.gradcheck(lambda x: _PriorStep.apply(x, window["index"][0], network), x)
+    assert torch.autograd.gradcheck(lambda x: network.prior(x, window["index"][0]), x)
 
 
 def test_steps_of_the_model_are_its_simulation():
@@ -411,11 +409,11 @@ def test_the_terms_that_guide_a_network_are_parts_of_the_rates(model, quantities
 SCRIPT = """
 import pickle, sys
 import numpy as np
-from sklearn_pgnn.simulation.network_run import NetworkSensitivities, run_network
+from sklearn_pgnn.simulation.network_run import FreeRun
 step, theta, record = pickle.load(open(sys.argv[1], "rb"))
 samples = np.arange(record.t.size)
-*_, (_, x, S) = NetworkSensitivities(step, theta, record).pieces(samples)
-np.savez(sys.argv[2], alone=run_network(step, theta, record)[0], x=x, S=S)
+*_, (_, x, S) = FreeRun(step, theta, differs=True).pieces(record, samples)
+np.savez(sys.argv[2], alone=FreeRun(step, theta)(record)[0], x=x, S=S)
 """
 
 
@@ -434,7 +432,7 @@ def test_a_network_gives_the_same_bits_in_another_process(tmp_path, plain_calls)
         check=True,
     )
     result = np.load(tmp_path / "result.npz")
-    assert np.array_equal(result["alone"], run_network(*given)[0])
-    *_, (_, x, S) = NetworkSensitivities(*given).pieces(np.arange(record.t.size))
+    assert np.array_equal(result["alone"], FreeRun(*given[:2])(record)[0])
+    *_, (_, x, S) = FreeRun(*given[:2], differs=True).pieces(record, np.arange(record.t.size))
     assert np.array_equal(result["x"], x)
     assert np.array_equal(result["S"], S)

@@ -62,12 +62,12 @@ class BestFreeRun(Callback):
     def on_train_begin(self, net, **kwargs):
         """Reset, and note the error of previously trained weights."""
         self.best_, self.weights_, self.waited_ = np.inf, None, 0
-        if net._validation and net.history:
+        if _is_validated(net) and net.history:
             self.note(net, net._validation_error())
 
     def on_epoch_end(self, net, **kwargs):
         """Simulate the held-out trajectories, and keep the weights if they are the best."""
-        if not net._validation:
+        if not _is_validated(net):
             return
         error = net._validation_error()
         for name, value in (("free_run", error), ("valid_loss", error**2)):
@@ -89,3 +89,7 @@ class BestFreeRun(Callback):
         if self.weights_ is not None:
             net.module_.load_state_dict(self.weights_)
         self.waited_ = 0
+
+
+def _is_validated(net) -> bool:
+    return net._data is not None and bool(net._data.validation)

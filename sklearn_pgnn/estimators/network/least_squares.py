@@ -13,15 +13,14 @@ import torch
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import Bounds, minimize
 
-from sklearn_pgnn.estimators.network.free_run import outputs_of
 from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord
+from sklearn_pgnn.estimators.network.torch_functions import outputs_of
 from sklearn_pgnn.simulation.network_run import (
-    NetworkSensitivities,
+    FreeRun,
     NetworkStep,
-    parameter_units,
-    run_network,
 )
+from sklearn_pgnn.simulation.uncertainty import FLAT, invert
 from sklearn_pgnn.threads import kept_pool
 
 #: initial damping, and its largest value
@@ -73,11 +72,9 @@ class Sums:
 
 
 class SimulationObjective:
-    """The loss of a network in free run, as a function of its weights.
+    """The loss of a network in free run, at every `stride`-th sample, as a function of its weights.
 
-    `scale` is that of every output's error, and `lambda_phy` the weight of the physical terms.
-    Errors and physical residuals are evaluated at every `stride`-th sample. `overlap` is the cost
-    of the network's output that the model's free parameters could express.
+    `overlap` is the cost of the output that the model's free parameters could express.
     """
 
     def __init__(
@@ -134,7 +131,7 @@ class SimulationObjective:
         return list(work(lambda record: task(record, theta), self.records))
 
     def _cost_of(self, record, theta) -> float:
-        x, failed = run_network(self.step, theta, record.record)
+        x, failed = FreeRun(self.step, theta)(record.record)
         if failed >= 0:
             return np.inf
         n, samples = len(self.step.free), self._samples(record)
@@ -147,8 +144,8 @@ class SimulationObjective:
     def _sums_of(self, record, theta) -> Sums:
         n = theta.size
         sums = Sums(0.0, np.zeros(n), np.zeros((n, n)))
-        run = NetworkSensitivities(self.step, theta, record.record)
-        for samples, x, S in run.pieces(self._samples(record)):
+        run = FreeRun(self.step, theta, differs=True)
+        for samples, x, S in run.pieces(record.record, self._samples(record)):
             if not np.isfinite(x).all():
                 return Sums(np.inf, sums.gradient, sums.curvature)
             self._add(sums, record, samples, x, S, theta[n - len(self.step.free) :])
@@ -175,7 +172,7 @@ class SimulationObjective:
         parameters = self._parameters(changes, len(rows))
         outputs = outputs_of(
             self.step.model, states, u, torch.as_tensor(record.record.t[after]),
-            self._values(parameters),
+            self.step.values_at(parameters),
         )  # fmt: skip
         factor = (1.0 - self.lambda_phy) / self.n_errors
         for i, scale in enumerate(self.scale):
@@ -193,7 +190,7 @@ class SimulationObjective:
         u = torch.as_tensor(record.record.u[k, None])
         times = torch.as_tensor(np.stack([record.record.t[k], record.record.t[k + 1]], axis=1))
         parameters = self._parameters(changes, len(k))
-        values = {name: each[:, None] for name, each in self._values(parameters).items()}
+        values = {name: each[:, None] for name, each in self.step.values_at(parameters).items()}
         found = self.physics.residuals(ends, u, times, values)
         for term, h in zip(self.physics.terms, found, strict=True):
             factor = self.lambda_phy * term.weight / (self._n_steps * h.shape[2])
@@ -208,14 +205,6 @@ class SimulationObjective:
     def _parameters(self, changes, n: int) -> torch.Tensor:
         """Return the changes of the free parameters for every one of n samples."""
         return torch.tensor(np.tile(changes, (n, 1))).requires_grad_()
-
-    def _values(self, parameters) -> dict:
-        """Return the free parameters' values for every sample."""
-        units = parameter_units(self.step.model, self.step.free)
-        return {
-            name: self.step.model.parameters[name].value + unit * parameters[:, i]
-            for i, (name, unit) in enumerate(zip(self.step.free, units, strict=True))
-        }
 
 
 class OverlapCost:
@@ -300,15 +289,11 @@ def _next_step(objective, theta, now: Sums, damping: float, size: np.ndarray, bo
         step = np.clip(theta + step * moves, low, high) - theta
         cost = objective.cost(theta + step)
         if cost < now.cost and (after := objective(theta + step)).is_finite:
-            share = min((now.cost - cost) / max(_expected_gain(now, step), TINY), 1.0)
+            expected = -float(now.gradient @ step + step @ now.curvature @ step / 2)
+            share = min((now.cost - cost) / max(expected, TINY), 1.0)
             return theta + step, after, damping * max(1 / 3, 1 - (2 * share - 1) ** 3)
         damping, stiffen = damping * stiffen, 2 * stiffen
     return None
-
-
-def _expected_gain(sums: Sums, step: np.ndarray) -> float:
-    """Return the decrease that the quadratic model predicts."""
-    return -float(sums.gradient @ step + step @ sums.curvature @ step / 2)
 
 
 def _has_settled(costs: list[float]) -> bool:
@@ -355,3 +340,39 @@ def l_bfgs(
         both, theta, jac=True, method="L-BFGS-B", bounds=Bounds(*bounds), callback=told,
         options=options,
     ).x  # fmt: skip
+
+
+def parameter_errors(objective: SimulationObjective, theta: np.ndarray) -> np.ndarray:
+    r"""Return the standard errors of the free parameters, with the weights adapting to them.
+
+    .. math:: \mathrm{cov} = S^{-1} M S^{-1}, \qquad
+              S = H_{pp} - H_{pw} H_{ww}^{-1} H_{wp},
+
+    with the Hessian :math:`H` of the error, and, for every parameter, the larger result of two
+    :math:`M`: that of white residuals, and the sum over the trajectories of the squared gradients
+    after elimination of the weights. The records do not determine what the network can compensate.
+    """
+    n_free = len(objective.step.free)
+    parts = objective.parts(theta)
+    if not all(part.is_finite for part in parts):
+        return np.full(n_free, np.inf)
+    hessian = np.sum([part.curvature for part in parts], axis=0)
+    following = _following(hessian, n_free)
+    schur = hessian[-n_free:, -n_free:] - following @ hessian[:-n_free, -n_free:]
+    inverse, flat = invert(schur)
+    n = objective.n_errors
+    variance = sum(part.cost for part in parts) * n / max(n - theta.size, 1)
+    scores = np.array([p.gradient[-n_free:] - following @ p.gradient[:-n_free] for p in parts])
+    scores -= scores.mean(axis=0)
+    by_record = scores.T @ scores * len(parts) / max(len(parts) - 1, 1)
+    meats = 2 / n * variance * schur, by_record
+    variances = np.max([np.diag(inverse @ meat @ inverse) for meat in meats], axis=0)
+    return np.where(flat | ~(variances > 0), np.inf, np.sqrt(np.maximum(variances, 0.0)))
+
+
+def _following(hessian, n_free) -> np.ndarray:
+    """Return how the weights adapt to the parameters, as the product that eliminates them."""
+    of_weights, across = hessian[:-n_free, :-n_free], hessian[-n_free:, :-n_free]
+    size = np.sqrt(np.maximum(np.diag(of_weights), np.finfo(float).tiny))
+    inverse = np.linalg.pinv(of_weights / np.outer(size, size), rcond=FLAT, hermitian=True)
+    return across / size @ inverse / size

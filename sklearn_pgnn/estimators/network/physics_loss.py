@@ -4,7 +4,7 @@ r"""Residuals of physical relations, as terms of a loss.
 
 A term is a dimensionless residual :math:`h(x, u, t)`, evaluated from each sample to the next, and
 either an equality, which costs :math:`h^2`, or an inequality :math:`h \le 0`, which costs
-:math:`\mathrm{ReLU}(h)`.
+:math:`\mathrm{ReLU}(h)`. The weight of the loss is a constant, or balanced by the gradients.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,11 +16,14 @@ import numpy as np
 import torch
 from sklearn.base import BaseEstimator
 
-from sklearn_pgnn.estimators.network.torch_functions import torch_value
+from sklearn_pgnn.estimators.network.torch_functions import torch_value, values_of
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 
 KINDS = ("equality", "inequality")
+ADAPTIVE = "adaptive"
+#: share of a new weight in the moving average
+FORGETTING = 0.1
 
 
 class NotFinite(ValueError):
@@ -299,8 +302,9 @@ class PhysicsLoss:
                     f"{tuple(u.shape[:2])}, a residual for every step."
                 )
             if not torch.isfinite(h).all() and torch.isfinite(x).all():
+                name = getattr(term.residual, "__name__", type(term).__name__)
                 raise NotFinite(
-                    f"physics_loss: {_name_of(term)} is not finite, though the states are. Remedy: "
+                    f"physics_loss: {name} is not finite, though the states are. Remedy: "
                     f"keep roots, logarithms and divisions of it inside their domain "
                     f"(torch.clamp), or leave the term out."
                 )
@@ -315,11 +319,6 @@ class PhysicsLoss:
             for term, h in zip(self.terms, self.residuals(x, u, t, tuned), strict=True)
         ]
         return torch.stack(costs).sum()
-
-
-def _name_of(term: PhysicsTerm) -> str:
-    """Return the name of a term; for a user-defined function, the function's name."""
-    return getattr(term.residual, "__name__", type(term).__name__)
 
 
 def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
@@ -416,12 +415,7 @@ class _Energy:
     def _power(self, part, x, u, t, tuned=None):
         if part not in self.model.energy:
             return torch.zeros_like(t)
-        values = {"t": t}
-        values |= {name: x[..., i] for i, name in enumerate(self.model.states)}
-        values |= {name: u[..., i] for i, name in enumerate(self.model.inputs)}
-        values |= {name: parameter.value for name, parameter in self.model.parameters.items()}
-        values |= tuned or {}
-        return torch_value(self.model.energy[part], values)
+        return torch_value(self.model.energy[part], values_of(self.model, x, u, t, tuned))
 
 
 def _state_excess(columns, low, high, x, u, t):
@@ -462,3 +456,43 @@ def _limits(term, model):
     columns = [list(model.states).index(name) for name in bounds]
     low, high = np.array(list(bounds.values()), dtype=float).T
     return columns, low, high
+
+
+def check_lambda(lambda_phy) -> None:
+    """Raise `ValueError` unless the weight is a number from 0 to below 1, or ``"adaptive"``."""
+    if isinstance(lambda_phy, str) and lambda_phy == ADAPTIVE:
+        return
+    if isinstance(lambda_phy, int | float | np.number) and 0 <= lambda_phy < 1:
+        return
+    raise ValueError(
+        f"lambda_phy: expected a number from 0 to below 1, or {ADAPTIVE!r}, got {lambda_phy!r}."
+    )
+
+
+def balanced_lambda(error, physics, weights, before: float | None) -> float:
+    r"""Weight both losses so that neither gradient dominates.
+
+    With the data's weight :math:`w = \max|\nabla L_{phy}|\,/\,\mathrm{mean}|\nabla L_{error}|` of
+    [1]_ in :math:`L_{phy} + w L_{error}`, :math:`\lambda = 1/(1 + w)`; a moving average of it.
+
+    `before` is the average so far, if any; the losses have their graphs.
+
+    References
+    ----------
+    .. [1] S. Wang, Y. Teng, P. Perdikaris, "Understanding and mitigating gradient flow pathologies
+       in physics-informed neural networks", SIAM Journal on Scientific Computing 43(5), 2021,
+       :doi:`10.1137/20M1318043`.
+    """
+    by_error = _gradient(error, weights).abs().mean()
+    by_physics = _gradient(physics, weights).abs().max()
+    if by_physics <= 0:  # nothing to balance: all inequalities hold
+        return 0.0 if before is None else before
+    now = float(by_error / (by_error + by_physics))
+    return now if before is None else (1 - FORGETTING) * before + FORGETTING * now
+
+
+def _gradient(loss, weights):
+    if not loss.requires_grad:
+        return torch.zeros(1)
+    parts = torch.autograd.grad(loss, weights, retain_graph=True, allow_unused=True)
+    return torch.cat([part.reshape(-1) for part in parts if part is not None])

@@ -1,23 +1,24 @@
 """A network that reads tables, and defines its step before it is trained."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.utils.validation import validate_data
 
-from sklearn_pgnn.estimators.network import step_setup
-from sklearn_pgnn.estimators.network.balance import ADAPTIVE, check_lambda
-from sklearn_pgnn.estimators.network.features import check_features
+from sklearn_pgnn.estimators.network import structure
 from sklearn_pgnn.estimators.network.free_parameters import names_of
 from sklearn_pgnn.estimators.network.physics_loss import (
+    ADAPTIVE,
     PhysicsLoss,
     as_terms,
+    check_lambda,
     own_parameters,
     with_dissipation,
 )
-from sklearn_pgnn.estimators.network.plain_model import plain_model
 from sklearn_pgnn.estimators.network.reading import (
     feature_values,
     further_columns,
@@ -25,13 +26,15 @@ from sklearn_pgnn.estimators.network.reading import (
     with_names,
 )
 from sklearn_pgnn.estimators.network.records import (
+    TrainingData,
     TrainingRecord,
     TrainingWindows,
     estimate_states,
+    open_loop,
     prepare,
+    rows_of,
     split_for_validation,
     told_samples,
-    unmeasured_record,
 )
 from sklearn_pgnn.estimators.network.sample_interval import (
     FilledRecord,
@@ -39,9 +42,10 @@ from sklearn_pgnn.estimators.network.sample_interval import (
     holds_at_one_interval,
     warn_of_other_intervals,
 )
-from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
+from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
+from sklearn_pgnn.estimators.table_names import plain_model
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step
@@ -59,18 +63,34 @@ from sklearn_pgnn.trajectories.measured import (
     of_measured,
     warn_of_constant_outputs,
 )
-from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table, is_named, time_name
+from sklearn_pgnn.trajectories.tables import TIME, as_pandas, is_named, time_name
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
-#: integer parameters, and their least values
-COUNTS = {
-    "horizon": 1, "rollout_epochs": 0, "refine_max_iter": 0, "n_iter_no_change": 1, "max_epochs": 0,
-}  # fmt: skip
-#: parameters that hold a class, with an example
-CLASSES = {
-    "module": "FeedForward", "criterion": "torch.nn.MSELoss",
-    "optimizer": "torch.optim.Adam",
+
+
+def _is_integer(least: int):
+    return lambda value: isinstance(value, Integral) and int(value) >= least
+
+
+#: what a parameter must be, as a test and in words
+EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "overlap": (lambda v: isinstance(v, Real) and 0 <= float(v) < np.inf, "a number >= 0"),
+    "refine": (lambda v: v in REFINEMENTS, f"one of {REFINEMENTS}"),
+    "horizon": (_is_integer(1), "an integer >= 1"),
+    "rollout_epochs": (_is_integer(0), "an integer >= 0"),
+    "refine_max_iter": (_is_integer(0), "an integer >= 0"),
+    "n_iter_no_change": (_is_integer(1), "an integer >= 1"),
+    "max_epochs": (_is_integer(0), "an integer >= 0"),
+    "batch_size": (lambda v: v == -1 or _is_integer(1)(v), "an integer >= 1 or -1 for all"),
+    "lr": (lambda v: isinstance(v, Real) and 0 < float(v) < np.inf, "a number above 0"),
+    "module": (callable, "a class such as FeedForward"),
+    "criterion": (callable, "a class such as torch.nn.MSELoss"),
+    "optimizer": (callable, "a class such as torch.optim.Adam"),
+    "scaled": (lambda v: isinstance(v, bool | np.bool_), "True or False"),
+    "validation_fraction": (
+        lambda v: isinstance(v, Real) and 0 <= float(v) < 1, "a share from 0 to below 1",
+    ),
 }  # fmt: skip
 #: comparisons of the outputs per dominant period in the last phase
 PER_PERIOD = 100
@@ -98,78 +118,33 @@ class PreparedNet(TrajectoryNet):
     def _check_parameters(self) -> None:
         check_model(self.model, optional=True)
         check_lambda(self.lambda_phy)
-        step_setup.check_structure(self.structure, self.guide, self.model is not None)
+        structure.check_structure(self.structure, self.guide, self.model is not None)
         self._free_names = names_of(self.model, self.free)
-        self._check_guide_of_free()
-        if not isinstance(self.overlap, Real) or not 0 <= float(self.overlap) < np.inf:
-            raise ValueError(f"overlap: expected a number >= 0, got {self.overlap!r}.")
-        if self.refine not in REFINEMENTS:
-            raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
-        for name, least in COUNTS.items():
-            value = getattr(self, name)
-            if not isinstance(value, Integral) or value < least:
-                raise OptionError(f"{name}: expected an integer >= {least}, got {value!r}.")
-        self._check_training()
-        if not isinstance(self.scaled, bool | np.bool_):
-            raise ValueError(f"scaled: expected True or False, got {self.scaled!r}.")
-        share = self.validation_fraction
-        if not isinstance(share, Real) or not 0 <= float(share) < 1:
-            raise ValueError(
-                f"validation_fraction: expected a share from 0 to below 1, got {share!r}."
-            )
-
-    def _check_training(self) -> None:
-        """Refuse what skorch would take and not train with."""
-        size = self.batch_size
-        if not isinstance(size, Integral) or (size < 1 and size != -1):
-            raise OptionError(f"batch_size: expected an integer >= 1 or -1 for all, got {size!r}.")
-        if not isinstance(self.lr, Real) or not 0 < float(self.lr) < np.inf:
-            raise OptionError(f"lr: expected a number above 0, got {self.lr!r}.")
-        for name, example in CLASSES.items():
-            if not callable(getattr(self, name)):
-                raise OptionError(
-                    f"{name}: expected a class such as {example}, got {getattr(self, name)!r}."
-                )
-
-    def _check_guide_of_free(self) -> None:
-        if not self._free_names or self.guide != "simulation":
-            return
-        if self.structure in ("auto", *ON_THE_MODEL):
+        on_the_model = self.structure in ("auto", *ON_THE_MODEL)
+        if self._free_names and self.guide == "simulation" and on_the_model:
             raise OptionError(
                 f"guide='simulation' does not go with free={self.free!r}: expected a guide that "
                 f"follows the state, for the simulation is that of the model before its parameters "
                 f"are trained. Remedy: guide='terms', guide='step' or guide=None."
             )
+        for name, (is_valid, expected) in EXPECTED.items():
+            value = getattr(self, name)
+            if not is_valid(value):
+                raise OptionError(f"{name}: expected {expected}, got {value!r}.")
 
     def _check_rows(self, X, y=None, *, reset):
         """Check a table whose rows are independent."""
-        if y is None:
-            return validate_data(self, X, reset=reset, dtype=np.float64)
-        return validate_data(
-            self, X, y, reset=reset, dtype=np.float64, multi_output=True, y_numeric=True
-        )
-
-    def _has_time(self, X) -> bool:
-        named = TIME in getattr(as_table(X), "columns", ())
-        return self.model is not None or named or self.time_column is not None
-
-    def _time_name(self, X: pd.DataFrame) -> str:
-        """Name the column of the time where there is no model."""
-        return time_name(X.columns, self.time_column) or TIME
-
-    def _with_column_names(self, X) -> pd.DataFrame:
-        """Name the columns of an array that has a time but no model."""
-        if is_named(X):
-            return X
-        return pd.DataFrame(X).set_axis([f"column {i}" for i in range(X.shape[1])], axis=1)
+        targets = {} if y is None else {"y": y, "multi_output": True, "y_numeric": True}
+        return validate_data(self, X, reset=reset, dtype=np.float64, **targets)
 
     def _named(self, X):
         """Name the columns of X where they have no names, and the one that holds the time."""
-        if self.model is None:
-            X = self._with_column_names(X)
-            return X, self._time_name(X)
-        named = with_names(self.model, X, self.time_column)
-        return named, self.time_column if named is X else None
+        if self.model is not None:
+            named = with_names(self.model, X, self.time_column)
+            return named, self.time_column if named is X else None
+        if not is_named(X):
+            X = pd.DataFrame(X).set_axis([f"column {i}" for i in range(X.shape[1])], axis=1)
+        return X, time_name(X.columns, self.time_column) or TIME
 
     def _read_ready(self, X, y=None):
         """Read X as trajectories that the loop can run along; y need not be enough for a fit."""
@@ -213,13 +188,13 @@ class PreparedNet(TrajectoryNet):
         if each.is_whole or not given.shape[1]:
             return each.along(given, "zoh")
         slope, offset = self.guide_line_
-        found = self._open_loop(each.record) * slope + offset
+        found = open_loop(self.model_, each.record, self.hold_, self.substeps_) * slope + offset
         found[each.kept] = given
         return found
 
     # -- preparing ---------------------------------------------------------------------------------
 
-    def _prepare_training(self, X, y, random, anew):
+    def _prepare_training(self, X, y, random, anew) -> TrainingData:
         """Read the records, estimate their states, and define the network's step."""
         table = validate_table(self, X, reset=anew)
         y = as_pandas(y)
@@ -227,21 +202,27 @@ class PreparedNet(TrajectoryNet):
         X, given = self._read_training(table, y, anew)
         measured = [record for record in given if record.is_measured]
         warn_of_constant_outputs(self.model_, measured)
-        filled = self._settle_interval(measured, anew)
-        records = tuple(each.record for each in filled)
+        self.hold_ = hold_of(self.model_, self.hold)
+        if anew:
+            self.interval_ = usual_step(measured)
+        filled = [fill(record, self.interval_, self.hold_) for record in measured]
+        records: tuple[Any, ...] = tuple(each.record for each in filled)
         self.noise_ = output_noise(records)
-        options = self._settle_clock(records)
+        steps = steps_for(self.model_, records, self.substeps, EXPLICIT, self.hold_)
+        self.substeps_ = steps.substeps
+        options: dict[str, Any] = {"hold": self.hold_, "substeps": self.substeps_}
         states = estimate_states(self.model_, records, **options)
         if anew:
             self._settle_structure(records, states, options)
         self._warn_of_intervals(filled)
-        whole = self._with_states(X, filled, states)
-        training, self._validation = split_for_validation(whole, self.validation_fraction, random)
-        self._show(table, outputs, measured, whole)
-        self._unmeasured = self._prepare_unmeasured(X, given, options)
-        windows = self._cut_windows([*training, *self._unmeasured], options)
+        self.guide_line_ = self._find_guide_line(X, filled)
+        parts = zip(self._prepare(X, filled), states, records, told_samples(records), strict=True)
+        whole = [TrainingRecord(ready, x, record.y, told=told) for ready, x, record, told in parts]
+        training, validation = split_for_validation(whole, self.validation_fraction, random)
+        unmeasured = self._prepare_unmeasured(X, given, options)
+        windows = self._cut_windows([*training, *unmeasured], options)
         if anew:
-            self.step_ = step_setup.make_step(
+            self.step_ = structure.make_step(
                 self.model_,
                 windows,
                 self.structure_,
@@ -253,19 +234,31 @@ class PreparedNet(TrajectoryNet):
                 **options,
             )
         self._settle_physics(windows)
-        spread = of_measured(np.nanstd, np.concatenate([r.y for r in records]))
-        self._spread = np.where(constant_outputs(records).all(axis=0), 1.0, spread)
-        return training, windows
+        held = [any(each is other for other in validation) for each in whole]
+        rows = rows_of(table, outputs, measured, held)
+        scales = self._scales(records)
+        return TrainingData(training, validation, unmeasured, windows, *scales, rows)
+
+    def _scales(self, records) -> tuple[np.ndarray, int]:
+        """Return the deviations of the outputs, and at which samples these are compared."""
+        spread = of_measured(np.nanstd, np.concatenate([record.y for record in records]))
+        spread = np.where(constant_outputs(records).all(axis=0), 1.0, spread)
+        if any(np.isnan(record.y).any() for record in records):
+            return spread, 1  # else those that were measured may be skipped
+        return spread, max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
 
     def _read_training(self, X, y, anew):
         """Name the columns of X, and read it with y as records of the model."""
         self._single_output = np.asarray(y).ndim == 1
         self.model_ = self.model if anew else self.model_
-        if self.model is None:
-            X, y = self._with_column_names(X), np.asarray(y)  # y names nothing that a model knows
-            self.model_ = plain_model(X, y, self._time_name(X), self.states)
-        self._settle_dissipation()
         X, time_column = self._named(X)
+        if self.model is None:
+            y = np.asarray(y)  # it names nothing that a model knows
+            self.model_ = plain_model(X, y, time_column, self.states)
+        terms = as_terms(self.physics_loss, self.model) if self.lambda_phy != 0 else []
+        self._balance_names = own_parameters(self.model, terms)
+        self._prior = with_dissipation(self.model, terms)
+        self.model_ = with_dissipation(self.model_, terms)
         given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
         if self.model is not None:
             refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
@@ -273,37 +266,6 @@ class PreparedNet(TrajectoryNet):
             warn_of_unknown_starts(self.model, given)
         self.further_columns_ = further_columns(self.model_, X, time_column)
         return X, given
-
-    def _settle_interval(self, records, anew) -> list[FilledRecord]:
-        """Choose what one step of the network spans, and divide the records' longer ones."""
-        self.hold_ = hold_of(self.model_, self.hold)
-        if anew:
-            self.interval_ = usual_step(records)
-        return [fill(record, self.interval_, self.hold_) for record in records]
-
-    def _with_states(self, X, filled, states) -> list[TrainingRecord]:
-        """Return the trajectories as the network is trained on them."""
-        self.guide_line_ = self._find_guide_line(X, filled)
-        records = [each.record for each in filled]
-        parts = zip(self._prepare(X, filled), states, records, told_samples(records), strict=True)
-        return [TrainingRecord(ready, x, record.y, told=told) for ready, x, record, told in parts]
-
-    def _settle_dissipation(self) -> None:
-        """Let the model dissipate energy as defined by a weighted balance."""
-        terms = as_terms(self.physics_loss, self.model) if self.lambda_phy != 0 else []
-        self._balance_names = own_parameters(self.model, terms)
-        self._prior = with_dissipation(self.model, terms)
-        self.model_ = with_dissipation(self.model_, terms)
-
-    def _settle_clock(self, records) -> dict:
-        """Choose how the records are simulated and compared, and return the simulation options."""
-        self.substeps_ = steps_for(
-            self.model_, records, self.substeps, EXPLICIT, self.hold_
-        ).substeps
-        self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
-        if any(np.isnan(record.y).any() for record in records):
-            self._stride = 1  # else those that were measured may be skipped
-        return {"hold": self.hold_, "substeps": self.substeps_}
 
     def _cut_windows(self, records, options) -> TrainingWindows:
         windows = TrainingWindows(
@@ -328,11 +290,12 @@ class PreparedNet(TrajectoryNet):
         blind = [record for record in records if not record.is_measured]
         if self.lambda_phy == 0 or not blind:
             return []
-        filled = self._fill(blind)
-        return [
-            unmeasured_record(self.model_, each.record, ready, **options)
-            for each, ready in zip(filled, self._prepare(X, filled), strict=True)
-        ]
+        filled, found = self._fill(blind), []
+        for each, ready in zip(filled, self._prepare(X, filled), strict=True):
+            record: Any = each.record
+            x = open_loop(self.model_, record, **options)  # no error is taken from it
+            found.append(TrainingRecord(ready, x, record.y, told=np.zeros(len(x), bool)))
+        return found
 
     def _settle_structure(self, records, states, options) -> None:
         plain = self.model is None
@@ -343,7 +306,7 @@ class PreparedNet(TrajectoryNet):
             self.structure_ = (
                 "increment"
                 if plain
-                else step_setup.find_structure(self.model_, records, states, **options)
+                else structure.find_structure(self.model_, records, states, **options)
             )
         self._guide = self.guide
         if self.guide == "auto":
@@ -352,12 +315,12 @@ class PreparedNet(TrajectoryNet):
             self._guide = None if unseen else by_structure
         with_parameters = bool(self._free_names) and self.structure_ == "correction"
         self._middle = with_parameters and self._guide != "step"
-        check_features(
+        structure.check_features(
             self.model_, self.structure_, self._guide, self.corrects, self.sees,
             self.further_columns_,
         )  # fmt: skip
         if self.structure_ == "dissipative":
-            lossy_states(self.model_, self.corrects, self._free_names)
+            structure.lossy_states(self.model_, self.corrects, self._free_names)
         if self._free_names and self.structure_ not in ON_THE_MODEL and self.lambda_phy == 0:
             raise ValueError(
                 f"free={self.free!r}: the loss does not depend on the model's parameters where "
@@ -375,22 +338,15 @@ class PreparedNet(TrajectoryNet):
         if self.lambda_phy != ADAPTIVE:
             self.lambda_phy_ = float(self.lambda_phy)
 
-    def _bound_loss(self) -> PhysicsLoss:
-        if self._physics is None:
-            as_terms(self.physics_loss, self.model)
-            raise ValueError(
-                "physics_residual: expected a model with 'energy', or physics_loss, got neither. "
-                "Remedy: give one of them before fit."
-            )
-        return self._physics
-
     def _find_guide_line(self, X, filled):
         """Find the line of the simulated columns of X over the simulation, for other samples."""
         nx = len(self.model_.states)
         simulated = simulated_states(self.model_, X) if self._guide == "simulation" else None
         if simulated is None:
             return np.ones(nx), np.zeros(nx)
-        own = np.concatenate([self._open_loop(each.record)[each.kept] for each in filled])
+        options = self.hold_, self.substeps_
+        runs = [open_loop(self.model_, each.record, *options)[each.kept] for each in filled]
+        own = np.concatenate(runs)
         given = simulated[np.concatenate([each.rows for each in filled])]
         lines = [
             np.polyfit(a, b, 1) if np.ptp(a) else (1.0, b[0] - a[0])
@@ -398,9 +354,3 @@ class PreparedNet(TrajectoryNet):
         ]
         slope, offset = np.array(lines).T
         return slope, offset
-
-    def _open_loop(self, record):
-        return prepare(
-            self.model_, [record], [np.zeros((len(record.t), 0))], None,
-            hold=self.hold_, substeps=self.substeps_,
-        )[0].simulated  # fmt: skip

@@ -12,8 +12,7 @@ from sklearn_pgnn.trajectories.tables import SIMULATED, once, read_numbers, time
 def with_names(model: PhysicsModel, X, time_column=None):
     """Name the columns of an array that `PhysicsModelTransformer` gave.
 
-    They are time, inputs, states or none, and the simulated states and outputs; anything but an
-    array is returned unchanged.
+    They are time, inputs, states or none, and the simulated states and outputs.
     """
     if isinstance(X, pd.DataFrame) or isinstance(time_column, str):
         return X
@@ -29,10 +28,7 @@ def with_names(model: PhysicsModel, X, time_column=None):
 
 
 def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
-    """Return the columns of the simulated states, or None where a table lacks one.
-
-    They have shape (n_samples, n_states).
-    """
+    """Return the columns of the simulated states, or None where a table lacks one."""
     names = [state + SIMULATED for state in model.states]
     if not isinstance(X, pd.DataFrame) or not set(names) <= set(X.columns):
         return None
@@ -57,11 +53,7 @@ def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
 
 
 def feature_values(X, names: list[str]) -> np.ndarray:
-    """Read the further columns.
-
-    The names are as `further_columns` gave them in `fit`; the values have shape (n_samples,
-    n_features).
-    """
+    """Read the further columns that `further_columns` named in `fit`."""
     return _numbers(X, names) if names else np.zeros((len(X), 0))
 
 

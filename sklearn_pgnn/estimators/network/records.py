@@ -5,9 +5,11 @@ from threading import Lock
 
 import numpy as np
 from joblib import hash as hash_of
+from skorch.dataset import Dataset
+from skorch.utils import multi_indexing
 
 from sklearn_pgnn.estimators.network.physics_loss import Motion
-from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import what_is_wrong
@@ -17,6 +19,7 @@ from sklearn_pgnn.simulation.network_run import (
     NetworkStep,
     network_record,
     prior_steps,
+    samples_of,
     term_values,
 )
 from sklearn_pgnn.simulation.record_windows import (
@@ -38,11 +41,9 @@ _KEEPING = Lock()
 
 @dataclass(frozen=True)
 class TrainingRecord:
-    """One trajectory with what was measured.
+    """One trajectory with estimated states and with what was measured, from `scored_from` on.
 
-    `x` are estimated states; y is NaN where nothing was measured. `scored_from` is the first sample
-    that counts, and `told` whether measurements determine the states of a sample; by default they
-    do.
+    `told` is whether measurements determine the states of a sample; by default they do.
     """
 
     record: NetworkRecord
@@ -68,11 +69,7 @@ class TrainingRecord:
 
 @one_simulation_warning()
 def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, substeps: int):
-    """Prepare records for the network's loop.
-
-    `features` are further columns of every trajectory, of shape (n_samples, n_features), and
-    `simulated` its open-loop simulation; by default the model is simulated.
-    """
+    """Prepare records for the network's loop; by default the model is simulated in open loop."""
     if simulated is None:
         simulated = [open_loop(model, record, hold, substeps) for record in records]
     return [
@@ -98,11 +95,9 @@ def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarr
 
 
 def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -> list[np.ndarray]:
-    """Estimate the states of every record from its outputs.
+    """Estimate the states of every record from its outputs; the last estimates are cached.
 
-    The last estimates are cached: a search needs the same ones again for every candidate.
-
-    They have shape (n_samples, n_states).
+    A search needs the same ones again for every candidate.
     """
     key = (model, hash_of([(r.t, r.u, r.y, r.x0) for r in records]), hold, substeps)
     with _KEEPING:
@@ -137,16 +132,6 @@ def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
     before = seen[np.clip(np.searchsorted(seen, place, side="right") - 1, 0, None)]
     after = seen[np.clip(np.searchsorted(seen, place), None, len(seen) - 1)]
     return measured | ((before < place) & (place < after) & (t[after] - t[before] <= bridged))
-
-
-def unmeasured_record(model: PhysicsModel, record, ready: NetworkRecord, **options):
-    """Return a trajectory without measurements, with the model's simulation as its states.
-
-    No error is taken from it. `ready` is the trajectory as the network sees it; `options` are those
-    of the simulation.
-    """
-    x = open_loop(model, record, **options)
-    return TrainingRecord(ready, x, record.y, told=np.zeros(len(x), dtype=bool))
 
 
 def split_for_validation(records: list[TrainingRecord], share: float, random):
@@ -185,11 +170,9 @@ def spread_of(values: np.ndarray) -> np.ndarray:
 class TrainingWindows:
     """Windows of the training data, cut inside trajectories only.
 
-    `needs_prior` is whether the model's step from every measured state is needed, and `needs_terms`
-    whether the terms there are, those of `terms_from`, by default `model`. `seen_at` is where along
-    the model's steps the network sees the states, and the terms: 0 at their starts, 1 at their
-    ends. `pairs` are first samples of the steps between samples whose states measurements
-    determine.
+    `seen_at` is where along the model's steps the network sees the states, and the terms: 0 at
+    their starts, 1 at their ends. `pairs` are first samples of the steps between samples whose
+    states measurements determine.
     """
 
     def __init__(
@@ -205,12 +188,7 @@ class TrainingWindows:
         self.simulated = np.concatenate([part.simulated for part in parts])
         self.features = np.concatenate([part.features for part in parts])
         acting = np.concatenate([part.acting for part in parts])
-        self.samples = {
-            "t": self.t,
-            "dt": np.append(np.diff(self.t), 0.0),
-            "acting": acting,
-            "acting_next": np.vstack([acting[1:], acting[-1:]]),
-        }
+        self.samples = samples_of(self.t, acting)
         told = np.concatenate([each.is_told for each in records])
         k = self.starts(1, 1)
         self.pairs = k[told[k] & told[k + 1]]
@@ -236,6 +214,17 @@ class TrainingWindows:
         return np.concatenate(
             [np.arange(a, a + n - length, stride) for a, n in zip(begin, self.lengths, strict=True)]
         ).astype(int)
+
+    def features_of(self, guide: str | None, rows: np.ndarray) -> np.ndarray:
+        """Return what a network with a guide sees at the first samples of some steps."""
+        seen, after = [self.seen[rows], self.u[rows]], rows + 1
+        if guide == "simulation":
+            seen.append(self.simulated[after])
+        elif guide == "step":
+            seen.append((self.prior[rows] - self.x[rows]) / self.samples["dt"][rows, None])
+        elif guide == "terms":
+            seen.append(self.terms[rows])
+        return np.hstack([*seen, self.features[after]])
 
     def motion(self) -> Motion:
         """Return the measured motion from each sample to the next."""
@@ -273,3 +262,35 @@ class TrainingWindows:
         """Cut the same windows from values, the samples after the first."""
         start = self.starts(length, max(1, length // 2))[:, None]
         return values[start + 1 + np.arange(length)]
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What a network is trained on: trajectories, and the windows cut from them.
+
+    Weights are chosen by `validation`; `unmeasured` ones count in the physical loss only. `spread`
+    are the deviations of the outputs, and whole trajectories are compared at every `stride`-th
+    sample. Callbacks see `rows` of the table.
+    """
+
+    records: list[TrainingRecord]
+    validation: list[TrainingRecord]
+    unmeasured: list[TrainingRecord]
+    windows: TrainingWindows
+    spread: np.ndarray
+    stride: int
+    rows: dict[str, Dataset | None]
+
+
+def rows_of(X, y, records, held) -> dict[str, Dataset | None]:
+    """Return the rows of the training and the held-out trajectories, for callbacks."""
+    found: dict[str, Dataset | None] = {}
+    for name, out in (("dataset_train", False), ("dataset_valid", True)):
+        pieces = [
+            record.rows for record, is_out in zip(records, held, strict=True) if is_out == out
+        ]
+        found[name] = None
+        if pieces:
+            rows = np.sort(np.concatenate(pieces))
+            found[name] = Dataset(multi_indexing(X, rows), multi_indexing(y, rows))
+    return found

@@ -25,12 +25,10 @@ MOST = 1_000_000
 
 @dataclass(frozen=True)
 class FilledRecord:
-    """A trajectory with samples in between where its own are far apart.
+    """A trajectory with samples in between, without outputs, where its own are far apart.
 
-    Samples in between have no outputs, and the row number of the one before. `rows` are the row
-    numbers of its own samples in the original table, and `kept` where these are among all; `before`
-    is the own sample at or before each of all samples, and `share` how far that is from there to
-    the next own one, from 0 to below 1.
+    Its own are in `rows` of the table, and `kept` among all; of these `before` is the own one at or
+    before each, and `share` how far each is from there to the next own one.
     """
 
     record: Record
@@ -56,7 +54,15 @@ class FilledRecord:
 def fill(record: Record, interval: float, hold: str) -> FilledRecord:
     """Divide the long steps of a record."""
     counts = _parts(np.diff(record.t), interval)
-    _refuse_endless(record, counts, interval)
+    if counts.sum() - counts.size > MOST:
+        k = int(np.argmax(counts))
+        raise RecordError(
+            f"X: the network steps by {interval:g} s, the sample interval of its training; "
+            f"expected at most {MOST} such steps between the rows of trajectory {record.name!r}, "
+            f"got {counts.max():.3g} after row {record.rows[k]}, a gap of "
+            f"{record.t[k + 1] - record.t[k]:g} s. Remedy: give what follows the gap a name of its "
+            f"own in a column 'trajectory', or resample the records."
+        )
     n, counts = record.t.size, counts.astype(int)
     kept = np.concatenate([[0], np.cumsum(counts)])
     before = np.append(np.repeat(np.arange(n - 1), counts), n - 1)
@@ -74,13 +80,7 @@ def fill(record: Record, interval: float, hold: str) -> FilledRecord:
 
 
 def is_other_interval(wanted: float, interval: float) -> bool:
-    """Return whether a sample interval is not that of the training, within the tolerance.
-
-    Examples
-    --------
-    >>> is_other_interval(0.0105, 0.01), is_other_interval(0.02, 0.01)
-    (False, True)
-    """
+    """Return whether a sample interval is not that of the training, within the tolerance."""
     return abs(wanted / interval - 1) > TOLERANCE
 
 
@@ -90,31 +90,19 @@ def _parts(steps, interval: float) -> np.ndarray:
     return np.where(ratios >= LONG, np.rint(ratios), 1.0)
 
 
-def _refuse_endless(record: Record, counts: np.ndarray, interval: float) -> None:
-    if counts.sum() - counts.size <= MOST:
-        return
-    k = int(np.argmax(counts))
-    raise RecordError(
-        f"X: the network steps by {interval:g} s, the sample interval of its training; expected at "
-        f"most {MOST} such steps between the rows of trajectory {record.name!r}, got "
-        f"{counts.max():.3g} after row {record.rows[k]}, a gap of "
-        f"{record.t[k + 1] - record.t[k]:g} s. Remedy: give what follows the gap a name of its own "
-        f"in a column 'trajectory', or resample the records."
-    )
-
-
 def holds_at_one_interval(structure: str, module) -> bool:
     """Return whether a network is a map from sample to sample, and no correction of rates.
 
-    Such a network holds for the sample interval of its training only. `structure` is the meaning of
-    its output; a core with a hidden state changes that from sample to sample.
+    A core with a hidden state changes that from sample to sample.
     """
     return structure not in ON_THE_MODEL or hasattr(module, "at_rest")
 
 
 def warn_of_other_intervals(filled: list[FilledRecord], interval: float, structure: str) -> None:
     """Warn of trajectories whose steps are no multiples of the training's."""
-    others = [each for each in filled if _is_other(each, interval)]
+    steps = [np.diff(each.record.t) / interval for each in filled]  # divided or not
+    far = [each.size and np.median(np.abs(each - 1)) > TOLERANCE for each in steps]
+    others = [each for each, is_far in zip(filled, far, strict=True) if is_far]
     if not others:
         return
     first = others[0]
@@ -130,12 +118,6 @@ def warn_of_other_intervals(filled: list[FilledRecord], interval: float, structu
     )
 
 
-def _is_other(each: FilledRecord, interval: float) -> bool:
-    """Return whether most steps of a trajectory, divided or not, are not the network's."""
-    steps = np.diff(each.record.t)
-    return bool(steps.size and np.median(np.abs(steps / interval - 1)) > TOLERANCE)
-
-
 def _remedy(interval: float) -> str:
     return (
         f"Remedy: resample the records to {interval:g} s, or train with structure='correction' "
@@ -144,11 +126,7 @@ def _remedy(interval: float) -> str:
 
 
 def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> int:
-    """Return how many steps of a network make a sample interval.
-
-    The wanted interval and the network's step are in seconds; `is_map` is whether it holds for that
-    step only. A `RecordWarning` says where no number fits.
-    """
+    """Return how many steps of a network make a sample interval; warn where no number fits."""
     check_sample_interval(wanted)
     parts = int(_parts(wanted, interval))
     if is_map and is_other_interval(wanted / parts, interval):

@@ -1,17 +1,28 @@
-"""The network in feedback as a torch module: the compiled loop's step, differentiable."""
+"""The network in feedback as a torch module, and its free run, compiled where the core allows."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
 from torch import nn
 
-from sklearn_pgnn.estimators.network.dissipation import dissipated
+from sklearn_pgnn.estimators.network.cores import FeedForward, Recurrent
 from sklearn_pgnn.estimators.network.free_parameters import FreeParameters
+from sklearn_pgnn.estimators.network.torch_functions import dissipated
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.network_run import (
+    FreeRun,
+    NetworkRecord,
     NetworkStep,
     energy_values,
     prior_steps,
+    samples_of,
     term_values,
 )
+from sklearn_pgnn.simulation.pointwise import numpy_function
 
 
 class StepNetwork(nn.Module):
@@ -70,22 +81,46 @@ class StepNetwork(nn.Module):
             with torch.no_grad():
                 self.changes.clamp_(low, high)
 
-    def _prior(self, x, index):
-        """Return the model's own step, with the parameters as they are now."""
-        if self.free is None:
-            return _PriorStep.apply(x, index, self)
-        return _PriorStep.apply(x, index, self, self.changes)
+    def prior(self, x, index) -> torch.Tensor:
+        """Return the model's own step from states, with the parameters as they are now."""
+        free: tuple[str, ...] = ()
+        unit, model = np.zeros(0), self.step.model
+        if self.free is not None and self.changes is not None:
+            free, unit = self.free.names, self.free.unit
+            model = model.with_parameters(**self.free.values(self.changes.detach().cpu().numpy()))
+        here = self._samples_at(index)
+
+        def compute(x):
+            x_next, jacobian = prior_steps(
+                model, self.step.substeps, self.step.hold, here["t"], here["dt"], x,
+                here["acting"], here["acting_next"], free,
+            )  # fmt: skip
+            jacobian[:, :, : len(free)] *= unit
+            return x_next, jacobian
+
+        return _Compiled.apply(x, compute, self.changes if free else None)
+
+    def _terms(self, x, index) -> torch.Tensor:
+        step, here = self.step, self._samples_at(index)
+        return _Compiled.apply(
+            x,
+            lambda x: term_values(step.terms_from, here["t"], x, here["acting"], step.state_spread),
+        )
+
+    def _samples_at(self, index) -> dict:
+        rows = index.cpu().numpy()
+        return {name: part[rows] for name, part in self.samples.items()}
 
     def _advance(self, x, u, dt, index, prior, terms, further, hidden):
         step = self.step
         if step.needs_prior and prior is None:
-            prior = self._prior(x, index)
+            prior = self.prior(x, index)
         at = x + step.seen_at * (prior - x) if step.seen_at else x
         seen = [at, u]
         if step.guide == "step":
             seen.append((prior - x) / dt)
         elif step.guide == "terms":
-            seen.append(_Terms.apply(at, index, self) if terms is None else terms)
+            seen.append(self._terms(at, index) if terms is None else terms)
         z = (torch.cat([*seen, *further], dim=1) - self.mean) / self.scale
         if hidden is None:
             output = self.core(z)
@@ -102,80 +137,126 @@ class StepNetwork(nn.Module):
 
     def _lose(self, prior, output, dt, index):
         """Return the states after the network has taken energy out."""
-        change = dissipated(output, _Energy.apply(prior, index, self), self.root, dt)
-        places = [list(self.step.model.states).index(name) for name in self.step.loss.states]
+        step, here = self.step, self._samples_at(index)
+        parts = _Compiled.apply(
+            prior,
+            lambda x: energy_values(step.model, step.loss.states, here["t"], x, here["acting"]),
+        )
+        places = [list(step.model.states).index(name) for name in step.loss.states]
+        change = dissipated(output, parts, self.root, dt)
         return prior.index_add(1, torch.as_tensor(places, device=prior.device), change)
 
 
-class _PriorStep(torch.autograd.Function):
-    """The model's own step, compiled, with its Jacobian as the backward pass."""
+class _Compiled(torch.autograd.Function):
+    """What compiled code makes of states, with its Jacobian as the backward pass.
+
+    ``compute`` gives values, and their derivatives by the changes of the parameters, if there are
+    any, then by the states.
+    """
 
     @staticmethod
-    def forward(ctx, x, index, network, changes=None):
-        rows, samples, step = index.cpu().numpy(), network.samples, network.step
-        model, free, unit = step.model, (), np.zeros(0)
-        if changes is not None:
-            free, unit = network.free.names, network.free.unit
-            model = model.with_parameters(**network.free.values(changes.detach().cpu().numpy()))
-        x_next, jacobian = prior_steps(
-            model,
-            step.substeps,
-            step.hold,
-            samples["t"][rows],
-            samples["dt"][rows],
-            x.detach().cpu().numpy(),
-            samples["acting"][rows],
-            samples["acting_next"][rows],
-            free,
-        )
-        jacobian[:, :, : len(free)] *= unit
+    def forward(ctx, x, compute, changes=None):
+        values, jacobian = compute(x.detach().cpu().numpy())
+        ctx.n_free = jacobian.shape[2] - x.shape[1]
         ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
-        return torch.as_tensor(x_next, device=x.device)
+        return torch.as_tensor(values, device=x.device)
 
     @staticmethod
     def backward(ctx, grad):
-        (jacobian,) = ctx.saved_tensors
+        (jacobian,), n = ctx.saved_tensors, ctx.n_free
         slopes = torch.einsum("ni,nij->nj", grad, jacobian)
-        n_free = slopes.shape[1] - grad.shape[1]
-        return slopes[:, n_free:], None, None, slopes[:, :n_free].sum(dim=0) if n_free else None
+        return slopes[:, n:], None, slopes[:, :n].sum(dim=0) if n else None
 
 
-class _Terms(torch.autograd.Function):
-    """The model's terms, compiled, with their Jacobian as the backward pass."""
-
-    @staticmethod
-    def forward(ctx, x, index, network):
-        rows, samples, step = index.cpu().numpy(), network.samples, network.step
-        values, jacobian = term_values(
-            step.terms_from,
-            samples["t"][rows],
-            x.detach().cpu().numpy(),
-            samples["acting"][rows],
-            step.state_spread,
-        )
-        ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
-        return torch.as_tensor(values, device=x.device)
-
-    @staticmethod
-    def backward(ctx, grad):
-        (jacobian,) = ctx.saved_tensors
-        return torch.einsum("ni,nij->nj", grad, jacobian), None, None
+def is_compiled(core: nn.Module) -> bool:
+    """Return whether a core has a compiled loop."""
+    return type(core) in (FeedForward, Recurrent)
 
 
-class _Energy(torch.autograd.Function):
-    """Slopes and Hessian of the stored energy, compiled, with their Jacobian as backward pass."""
+def step_with(core: nn.Module, step: NetworkStep) -> NetworkStep:
+    """Complete a step by the core's sizes, for the compiled loop."""
+    if type(core) is FeedForward:
+        return replace(step, sizes=core.sizes, activation=core.activation)
+    if type(core) is Recurrent:
+        return replace(step, sizes=core.sizes, core="recurrent")
+    return step
 
-    @staticmethod
-    def forward(ctx, x, index, network):
-        rows, samples, step = index.cpu().numpy(), network.samples, network.step
-        t, acting = samples["t"][rows], samples["acting"][rows]
-        values, jacobian = energy_values(
-            step.model, step.loss.states, t, x.detach().cpu().numpy(), acting
-        )
-        ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
-        return torch.as_tensor(values, device=x.device)
 
-    @staticmethod
-    def backward(ctx, grad):
-        (jacobian,) = ctx.saved_tensors
-        return torch.einsum("ni,nij->nj", grad, jacobian), None, None
+def tuned(step: NetworkStep, changes: np.ndarray) -> NetworkStep:
+    """Return a step with its free parameters set to their values; the guide stays the same."""
+    values = {name: float(value) for name, value in step.values_at(changes).items()}
+    model = step.model.with_parameters(**values)
+    return replace(step, model=model, guide_model=step.terms_from, free=())
+
+
+def weights_of(core: nn.Module) -> np.ndarray:
+    """Return all weights of a core in one array."""
+    return nn.utils.parameters_to_vector(core.parameters()).detach().cpu().numpy().astype(float)
+
+
+def ready_to_run(core: nn.Module, step: NetworkStep, changes=()) -> Callable:
+    """Prepare a network's free run, once for many trajectories, with its present weights.
+
+    Return a function of a `NetworkRecord` that returns the states, of shape (n_samples, n_states),
+    the last ones within reach being repeated once they leave it, and the first sample out of reach,
+    -1 if there is none. `changes` are relative ones of the step's free parameters.
+    """
+    if is_compiled(core):
+        return FreeRun(step_with(core, step), np.append(weights_of(core), changes))
+    return partial(_run_within_reach, core, tuned(step, changes) if step.free else step)
+
+
+def _run_within_reach(core, step, record):
+    x = record.x0[None] if len(record.t) == 1 else _run_torch(core, step, record)
+    inside = np.all((step.reach[0] <= x) & (x <= step.reach[1]), axis=1)
+    failed = -1 if inside.all() else int(np.argmin(inside))
+    if failed > 0:
+        x[failed:] = x[failed - 1]
+    return x, failed
+
+
+def _run_torch(core, step, record):
+    """Run a user's own core, step by step."""
+    device = next(core.parameters()).device
+    network = StepNetwork(core, step, samples_of(record.t, record.acting)).to(device)
+    network.teacher_forcing = False
+
+    def tensor(values):
+        return torch.as_tensor(values, device=device)[None]
+
+    further = {}
+    if step.guide == "simulation":
+        further["simulated"] = tensor(record.simulated[1:])
+    if record.features.shape[1]:
+        further["features"] = tensor(record.features[1:])
+    core.eval()
+    with torch.no_grad():
+        x = network(
+            tensor(record.x0[None]), tensor(record.u[:-1]), tensor(record.t),
+            tensor(np.arange(len(record.t) - 1)), **further,
+        )[0]  # fmt: skip
+    return np.vstack([record.x0[None], x.cpu().numpy()])
+
+
+def piece_run(core: nn.Module, step: NetworkStep) -> Callable:
+    """Prepare a network's runs along pieces of trajectories, of which a filter needs very many.
+
+    Return a function of a trajectory, the places of its own samples, two of these, and a state
+    there, which returns the states and outputs of its own samples from one to the other.
+    """
+    run, outputs = ready_to_run(core, step), output_function(step.model)
+
+    def along(ready: NetworkRecord, kept: np.ndarray, a: int, b: int, x):
+        piece = ready.piece(kept[a], kept[b] + 1, x)
+        own = kept[a : b + 1] - kept[a]
+        x, t, u = run(piece)[0][own], piece.t[own], piece.acting[own, : len(step.model.inputs)]
+        return x, np.array(np.broadcast_arrays(*outputs(t, *x.T, *u.T), t)[:-1]).T
+
+    return along
+
+
+def output_function(model: PhysicsModel) -> Callable:
+    """Return the outputs as a function of time, states and inputs."""
+    fixed = {symbol(name): parameter.value for name, parameter in model.parameters.items()}
+    outputs = [output.xreplace(fixed) for output in model.outputs.values()]
+    return numpy_function(["t", *model.states, *model.inputs], outputs)

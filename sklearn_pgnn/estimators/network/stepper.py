@@ -8,8 +8,7 @@ from math import isfinite
 import numpy as np
 from torch import nn
 
-from sklearn_pgnn.estimators.network.free_run import compiled_run
-from sklearn_pgnn.estimators.network.pieces import output_function
+from sklearn_pgnn.estimators.network.step_network import output_function, ready_to_run
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.network_run import NetworkRecord, NetworkStep
@@ -50,7 +49,7 @@ class Stepper:
         self._late, self._line = step.model, guide_line
         # delays are applied here, from the past inputs
         self._step = replace(step, model=step.model.replace(delays={}))
-        self._run, self._outputs_of = compiled_run(core, self._step), output_function(step.model)
+        self._run, self._outputs_of = ready_to_run(core, self._step), output_function(step.model)
         self._interval, self.t = float(interval), 0.0
         self._times = self._interval * np.arange(parts + 1) / parts
         self._features, self._none = None, np.zeros((parts + 1, 0))
@@ -113,7 +112,7 @@ class Stepper:
         ndarray of shape (n_outputs,)
             Outputs; nothing is advanced.
         """
-        return self._outputs(self._acting(self._read(u)))
+        return self._outputs(self._acting_along(self._read(u))[0])
 
     def _read(self, u) -> np.ndarray:
         """Return an input as an array; the first one settles states without an initial value."""
@@ -135,12 +134,11 @@ class Stepper:
     def _outputs(self, acting) -> np.ndarray:
         return np.array(self._outputs_of(self.t, *self.x, *acting), dtype=float)
 
-    def _acting(self, u) -> np.ndarray:
-        """Return the inputs as they act now; before the start they had their first value."""
-        return self._acting_along(u)[0]
-
     def _acting_along(self, u) -> np.ndarray:
-        """Return the inputs as they act at the steps of the network until the next sample."""
+        """Return the inputs as they act at the steps of the network until the next sample.
+
+        Before the start they had their first value.
+        """
         parts = self._times.size - 1
         if not self._late.delays:
             return np.array([u] * (parts + 1))
@@ -168,21 +166,17 @@ class Stepper:
                 self._step.model, t, acting, self._simulated, substeps=self._step.substeps
             )
         if not run.success:
-            raise SimulationError(self._no_guide(t))
+            at = zip(self._late.states, self._simulated.tolist(), strict=True)
+            raise SimulationError(
+                f"step: the simulation of {self._late.name!r}, which guides the network, became "
+                f"non-finite between t = {t[0]:g} s and t = {t[-1]:g} s (before: "
+                f"{', '.join(f'{state} = {value:.3g}' for state, value in at)}). Remedy: check x0, "
+                f"the inputs and the parameters' values; begin with a new stepper; or train with "
+                f"guide='terms', which simulates nothing beside the network. Nothing was advanced."
+            )
         self._simulated = run.x[-1]
         slope, offset = self._line
         return run.x * slope + offset
-
-    def _no_guide(self, t) -> str:
-        """Return that the simulation became non-finite, from where, and the remedy."""
-        at = zip(self._late.states, self._simulated.tolist(), strict=True)
-        return (
-            f"step: the simulation of {self._late.name!r}, which guides the network, became "
-            f"non-finite between t = {t[0]:g} s and t = {t[-1]:g} s (before: "
-            f"{', '.join(f'{state} = {value:.3g}' for state, value in at)}). Remedy: check x0, the "
-            f"inputs and the parameters' values; begin with a new stepper; or train with "
-            f"guide='terms', which simulates nothing beside the network. Nothing was advanced."
-        )
 
 
 def _refuse_not_finite(what: str, values, names, remedy: str) -> None:

@@ -1,4 +1,4 @@
-r"""The structures of a network's step, and the choice between them.
+r"""From records to the step of a network to train: its structure, what it sees, its scale.
 
 - ``output``: :math:`x_{k+1} = n(u_k, x_k, \ldots)`
 - ``increment``: :math:`x_{k+1} = x_k + \Delta t\, n(u_k, x_k, \ldots)`
@@ -8,17 +8,30 @@ r"""The structures of a network's step, and the choice between them.
   :math:`\delta_n` only takes energy out, see `sklearn_pgnn.simulation.dissipation`.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
+from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows, spread_of
+from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.dissipation import Dissipation, energy_slopes
-from sklearn_pgnn.simulation.network_run import energy_values
+from sklearn_pgnn.simulation.network_run import (
+    FreeRun,
+    NetworkStep,
+    energy_values,
+    names_in_terms,
+)
+from sklearn_pgnn.simulation.record_windows import dominant_period
+from sklearn_pgnn.simulation.simulate import simulate
+from sklearn_pgnn.trajectories.measured import of_measured
 
 STRUCTURES = ("output", "increment", "correction", "dissipative")
 #: structures that build on the model's own step
 ON_THE_MODEL = ("correction", "dissipative")
-_BASES = {
+#: the base that the network's output is added to
+BASE_OF = {
     "output": "constant", "increment": "state", "correction": "prior", "dissipative": "prior",
 }  # fmt: skip
 #: share of the largest eigenvalue of an energy's Hessian that counts as rounding
@@ -27,11 +40,12 @@ CURVATURE_ROUNDING = 1e-9
 FORETOLD = 0.5
 #: share of the dominant period of the outputs over which the model is compared with persistence
 TRIAL_SHARE = 0.1
-
-
-def base_of(structure: str) -> str:
-    """Return the base that the network's output is added to."""
-    return _BASES[structure]
+#: number of windows in which the model is compared with persistence
+TRIALS = 200
+#: a state this many standard deviations away from its mean has diverged
+REACH = 1e3
+#: scale of a feature that the network must not see: divided by it, the feature vanishes
+UNSEEN = 1e30
 
 
 def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
@@ -41,12 +55,9 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
 
 
 def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=None) -> np.ndarray:
-    """Scale the network's outputs by the quantities that they have to explain.
+    """Scale the network's outputs by what they have to explain, in every step of the training.
 
-    `x` and `x_next` are measured states at both ends of every step, and `prior` the model's step
-    from these, of shape (n, n_states); `dt` are the steps [s], and `corrects` the only states whose
-    rates are corrected. Return matrices that multiply 1, the step and its square, of shape (3,
-    n_states, n_outputs).
+    Return the matrices that multiply 1, the step and its square, (3, n_states, n_outputs).
     """
     states = list(model.states)
     own = corrected_states(model, structure)
@@ -70,11 +81,9 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=
 
 
 def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]:
-    """Return the states that a network can take energy out of.
+    """Return the states that a network can take energy out of, positions never.
 
-    `corrects` are the only states to consider, by default all that the stored energy depends on,
-    except positions. The energy must be quadratic in them together, and depend on them by no
-    parameter that is trained, one of `free`.
+    The energy must be quadratic in them together, and depend on them by no `free` parameter.
     """
     what, stored = "structure='dissipative'", model.energy.get("stored")
     if stored is None:
@@ -113,13 +122,7 @@ def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]
 
 
 def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissipation:
-    """Scale what a network takes out of some states by the model's error in them.
-
-    `samples` has time ``t``, step ``dt`` and acting inputs ``acting`` of every step; `x_next` and
-    `prior`, of shape (n, n_states), are the measured states at its end, and those of the model's
-    step. An energy that grows less than linearly along some direction of the states raises
-    `ValueError`.
-    """
+    """Scale what a network takes out of some states by the model's error in them."""
     parts = energy_values(model, states, samples["t"], prior, samples["acting"])[0]
     m, places = len(states), [list(model.states).index(name) for name in states]
     eigenvalues = np.linalg.eigvalsh(parts[:, m:].reshape(-1, m, m))
@@ -137,13 +140,149 @@ def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissi
 def choose_structure(measured, foretold, begun) -> str:
     """Choose a correction where the model predicts most of the change of the states.
 
-    All have shape (n, n_states): `measured` states at the end of several short windows, those that
-    the model predicts from the measured ones at the beginning, and these. The structure is a
-    correction where, over the states, the mean of the squared error as a share of persistence's is
-    below `FORETOLD`, else an increment.
+    `begun` and `measured` are states at both ends of short windows, (n, n_states). The squared
+    error as a share of persistence's, in the mean over the states, is then below `FORETOLD`.
     """
     by_model = np.mean((measured - foretold) ** 2, axis=0)
     by_persistence = np.mean((measured - begun) ** 2, axis=0)
     moves = by_persistence > 0
     share = np.mean(by_model[moves] / by_persistence[moves]) if moves.any() else 0.0
     return "correction" if share < FORETOLD else "increment"
+
+
+@one_simulation_warning()
+def find_structure(model: PhysicsModel, records, states, **options) -> str:
+    """Compare the model with persistence, a tenth of the outputs' dominant period ahead."""
+    ahead = TRIAL_SHARE * dominant_period(records)
+    count = max(1, TRIALS // len(records))
+    trials = []
+    for record, x in zip(records, states, strict=True):
+        length = int(np.clip(round(ahead / np.median(np.diff(record.t))), 1, len(x) - 1))
+        starts = np.linspace(0, len(x) - 1 - length, count).astype(int)
+        for k in np.unique(starts):
+            rows = slice(k, k + length + 1)
+            run = simulate(model, record.t[rows], record.u[rows], x[k], **options)
+            if run.success:
+                trials.append((x[k + length], run.x[-1], x[k]))
+    return choose_structure(*np.swapaxes(trials, 0, 1)) if trials else "increment"
+
+
+def check_structure(structure: str, guide, has_model: bool) -> None:
+    """Refuse a structure or a guide that is invalid, or that lacks the model it needs."""
+    if structure not in ("auto", *STRUCTURES):
+        raise ValueError(
+            f"structure: expected 'auto' or one of {', '.join(STRUCTURES)}, got {structure!r}."
+        )
+    if guide not in ("auto", "simulation", "step", "terms", None):
+        raise ValueError(
+            f"guide: expected 'auto', 'simulation', 'step', 'terms' or None, got {guide!r}."
+        )
+    if not has_model and (structure in ON_THE_MODEL or guide not in ("auto", None)):
+        what = f"structure={structure!r}" if structure in ON_THE_MODEL else f"guide={guide!r}"
+        raise ValueError(f"{what} needs a model, got none. Remedy: give model=.")
+    if structure == "dissipative" and guide == "step":
+        raise ValueError(
+            "guide='step' cannot be combined with structure='dissipative', whose network sees the "
+            "end of the model's step. Remedy: guide='terms' or guide=None."
+        )
+
+
+def check_features(model: PhysicsModel, structure, guide, corrects, sees, further=()) -> None:
+    """Refuse quantities that a network cannot correct or see, `further` columns among them."""
+    own = [list(model.states)[i] for i in corrected_states(model, structure)]
+    _check_names("corrects", corrects, own)
+    _check_names("sees", sees, (*model.states, *model.inputs, *further))
+    if corrects is not None and structure not in ON_THE_MODEL:
+        raise ValueError(
+            f"corrects={corrects!r} needs structure='correction' or 'dissipative', got "
+            f"{structure!r}: any other network has an output for every state. Remedy: "
+            f"structure='correction', or corrects=None."
+        )
+    if sees is not None and guide in ("simulation", "step"):
+        raise ValueError(
+            f"sees={sees!r} cannot be combined with guide={guide!r}, which depends on all "
+            f"quantities. Remedy: guide='terms' or guide=None."
+        )
+
+
+def _check_names(name, given, expected) -> None:
+    if given is None:
+        return
+    if isinstance(given, str) or not list(given) or not set(given) <= set(expected):
+        raise ValueError(
+            f"{name}: expected a list of names among {', '.join(map(str, expected))}, "
+            f"got {given!r}."
+        )
+
+
+def feature_scale(model: PhysicsModel, guide, scale, sees, further) -> np.ndarray:
+    """Return the divisors of the features, so large for features not seen that 0 is left."""
+    if sees is None:
+        return scale
+    names = [{name} for name in (*model.states, *model.inputs)]
+    names += names_in_terms(model) if guide == "terms" else []
+    names += [{name} for name in further]
+    return np.where([each <= set(sees) for each in names], scale, UNSEEN)
+
+
+def make_step(
+    model: PhysicsModel,
+    windows: TrainingWindows,
+    structure: str,
+    guide,
+    *,
+    hold: str,
+    substeps: int,
+    corrects=None,
+    sees=None,
+    further=(),
+    middle=False,
+) -> NetworkStep:
+    """Scale the inputs and outputs of the network by the training data, still without a core."""
+    now = windows.pairs
+    after, dt = now + 1, windows.samples["dt"][now]
+    x, prior = windows.x[now], windows.prior[now]
+    z = windows.features_of(guide, now)
+    mean, spread = x.mean(axis=0), spread_of(x)
+    if structure == "dissipative":
+        here = {name: part[now] for name, part in windows.samples.items()}
+        states = lossy_states(model, corrects)
+        loss = dissipation_of(model, states, here, windows.x[after], prior)
+        gain = np.zeros((3, x.shape[1], loss.n_outputs))
+    else:
+        loss, gain = None, gain_of(model, structure, x, windows.x[after], prior, dt, corrects)
+    return NetworkStep(
+        model,
+        BASE_OF[structure],
+        guide,
+        windows.x[after].mean(axis=0),
+        gain,
+        z.mean(axis=0),
+        feature_scale(model, guide, spread_of(z), sees, further),
+        mean + REACH * np.array([[-1.0], [1.0]]) * spread,
+        substeps=substeps,
+        hold=hold,
+        spread=spread_of(windows.seen[now]),
+        middle=middle,
+        loss=loss,
+    )
+
+
+def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length: int | None):
+    """Measure the root mean square error of the outputs of the base alone.
+
+    It starts again from the measured state after `length` steps, or never.
+    """
+    n_in, n_out = len(step.mean), step.n_network_outputs
+    idle = replace(step, sizes=(n_in, n_out), loss=None)
+    run = FreeRun(idle, np.zeros((n_in + 1) * n_out))
+    squares = []
+    for each in records:
+        count = len(each.x) - 1
+        for k in range(0, count, length or count):
+            end = min(k + (length or count), count) + 1
+            piece = each.record.piece(k, end, each.x[k] if k else None)
+            x = run(piece)[0]
+            squares.append((outputs(piece, x) - each.y[k : k + len(x)])[1:] ** 2)
+    error = np.sqrt(of_measured(np.nanmean, np.concatenate(squares)))
+    return np.where(error > 0, error, 1.0)

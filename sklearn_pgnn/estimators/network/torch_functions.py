@@ -1,10 +1,12 @@
-"""A model's expressions as torch functions, built from the symbolic tree without source code."""
+"""A model in torch: its expressions, built from the symbolic tree, and the energy it loses."""
 
 import operator
 from functools import lru_cache, reduce
 
 import sympy
 import torch
+
+from sklearn_pgnn.physics.model import PhysicsModel
 
 _FUNCTIONS = {
     sympy.Abs: torch.abs,
@@ -33,16 +35,51 @@ def torch_value(expression, values) -> torch.Tensor:
     """Evaluate an expression on tensors, differentiably.
 
     All tensors have the same shape, and so has the value.
-
-    Examples
-    --------
-    >>> x = torch.tensor([1.0, 4.0])
-    >>> torch_value(sympy.sqrt(sympy.Symbol("x")) - 1, {"x": x}).tolist()
-    [0.0, 1.0]
     """
     like = next(value for value in values.values() if torch.is_tensor(value))
     found = _function(sympy.sympify(expression))(values)
     return torch.as_tensor(found, dtype=like.dtype, device=like.device).expand(like.shape)
+
+
+def values_of(model: PhysicsModel, x, u, t, tuned=None) -> dict:
+    """Return time, states, inputs and parameters by name.
+
+    States have shape (..., n_states), inputs (..., n_inputs) and times [s] (...); `tuned` are
+    values of parameters in place of the model's.
+    """
+    values = {"t": t}
+    values |= {name: x[..., i] for i, name in enumerate(model.states)}
+    values |= {name: u[..., i] for i, name in enumerate(model.inputs)}
+    values |= {name: parameter.value for name, parameter in model.parameters.items()}
+    return values | (tuned or {})
+
+
+def outputs_of(model: PhysicsModel, x, u, t, tuned=None) -> torch.Tensor:
+    """Return the outputs of states, see `values_of`."""
+    values = values_of(model, x, u, t, tuned)
+    return torch.stack([torch_value(g, values) for g in model.outputs.values()], dim=-1)
+
+
+def dissipated(output, parts, root, dt) -> torch.Tensor:
+    r"""Return the change of some states, see `sklearn_pgnn.simulation.dissipation`.
+
+    .. math:: \delta = -\Delta t\,L\,(1 + \Delta t\,L^T H L)^{-1} L^T e
+
+    `output` has shape (n, n_lossy * (n_lossy + 1) / 2); `parts`, slopes and Hessian of the stored
+    energy, (n, n_lossy + n_lossy**2); `root`, the unit of every row of L, (n_lossy,); and the steps
+    `dt` [s] (n, 1).
+    """
+    m = len(root)
+    rows, columns = torch.tril_indices(m, m, device=output.device)
+    lower = torch.zeros(len(output), m, m, dtype=output.dtype, device=output.device)
+    lower[:, rows, columns] = output
+    lower = root[:, None] * (lower + torch.eye(m, dtype=output.dtype, device=output.device))
+    hessian, step = parts[:, m:].reshape(-1, m, m), dt[:, :, None]
+    turned = lower.transpose(1, 2)
+    matrix = torch.eye(m, dtype=output.dtype, device=output.device)
+    matrix = matrix + step * (turned @ hessian @ lower)
+    slopes = turned @ parts[:, :m, None]
+    return (-step * (lower @ torch.linalg.solve(matrix, slopes)))[:, :, 0]
 
 
 @lru_cache(maxsize=1024)
@@ -62,15 +99,12 @@ def _function(node):
         return _power(*map(_as_tensor, parts), node.exp)
     if node.func not in _FUNCTIONS:
         raise ValueError(f"expected a function that torch has, got {node.func.__name__!r}.")
-    return _apply(_FUNCTIONS[node.func], [_as_tensor(part) for part in parts])
+    function, parts = _FUNCTIONS[node.func], [_as_tensor(part) for part in parts]
+    return lambda values: function(*[part(values) for part in parts])
 
 
 def _chain(operation, parts):
     return lambda values: reduce(operation, [part(values) for part in parts])
-
-
-def _apply(function, parts):
-    return lambda values: function(*[part(values) for part in parts])
 
 
 def _as_tensor(part):
@@ -85,9 +119,9 @@ def _power(base, exponent, known):
     if known.is_number:
         number = float(known)
         return lambda values: torch.pow(base(values), number)
-    return lambda values: _raised(base(values), exponent(values))
 
+    def raised(values):  # with a GPU tensor torch takes a number as exponent, but not as base
+        a, b = base(values), exponent(values)
+        return torch.pow(a if a.dim() else a.to(b.device), b)
 
-def _raised(base, exponent):
-    """Raise to a power; with a GPU tensor torch takes a number as exponent, but not as base."""
-    return torch.pow(base if base.dim() else base.to(exponent.device), exponent)
+    return raised

@@ -11,44 +11,43 @@ import numpy as np
 import torch
 from skorch import NeuralNetRegressor
 from skorch.callbacks import (
-    BatchScoring,
     EarlyStopping,
     EpochTimer,
     LRScheduler,
     PassthroughScoring,
     PrintLog,
 )
-from skorch.dataset import Dataset
-from skorch.utils import get_map_location, multi_indexing, to_tensor
+from skorch.utils import get_map_location, to_tensor
 from torch import nn
 
 from sklearn_pgnn.annotations import Table
-from sklearn_pgnn.estimators.network import step_setup
-from sklearn_pgnn.estimators.network.balance import ADAPTIVE, balanced_lambda
+from sklearn_pgnn.estimators.network.batches import own_random_numbers
 from sklearn_pgnn.estimators.network.callbacks import BestFreeRun, CosineDecay, EnoughTraining
-from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_parameters import FreeParameters
-from sklearn_pgnn.estimators.network.free_run import (
-    outputs_of,
-    ready_to_run,
-    step_with,
-    tuned,
-    weights_of,
-)
+from sklearn_pgnn.estimators.network.cores import FeedForward, RowNetwork
+from sklearn_pgnn.estimators.network.free_parameters import FreeParameters, Overlap
 from sklearn_pgnn.estimators.network.least_squares import (
     OverlapCost,
     SimulationObjective,
     l_bfgs,
     levenberg_marquardt,
+    parameter_errors,
 )
-from sklearn_pgnn.estimators.network.overlap import Overlap
-from sklearn_pgnn.estimators.network.parameter_errors import parameter_errors
-from sklearn_pgnn.estimators.network.physics_loss import NotFinite, PhysicsLoss
-from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
-from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows
-from sklearn_pgnn.estimators.network.row_network import RowNetwork
-from sklearn_pgnn.estimators.network.step_network import StepNetwork
-from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, corrected_states
+from sklearn_pgnn.estimators.network.physics_loss import (
+    ADAPTIVE,
+    NotFinite,
+    PhysicsLoss,
+    balanced_lambda,
+)
+from sklearn_pgnn.estimators.network.records import TrainingData, TrainingRecord
+from sklearn_pgnn.estimators.network.step_network import (
+    StepNetwork,
+    ready_to_run,
+    step_with,
+    tuned,
+    weights_of,
+)
+from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, base_error, corrected_states
+from sklearn_pgnn.estimators.network.torch_functions import outputs_of
 from sklearn_pgnn.exceptions import SimulationWarning, TrainingError
 from sklearn_pgnn.simulation.network_run import NetworkStep
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate
@@ -68,7 +67,6 @@ class _Phase:
 
     epochs: int
     horizon: int
-    windows: TrainingWindows
     scale: torch.Tensor
     rate: float
     epoch: int = 0
@@ -79,9 +77,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     _phase: _Phase | None
     _physics: PhysicsLoss | None
-    _validation: list[TrainingRecord]
-    _unmeasured: list[TrainingRecord]
-    _shown: dict[str, Dataset | None]
+    _data: TrainingData | None = None  # during the training on trajectories
     _free_names: tuple[str, ...] = ()  # of the model
     _balance_names: tuple[str, ...] = ()  # of the physical loss alone
     _free: FreeParameters | None = None  # while they are trained
@@ -135,17 +131,8 @@ class TrajectoryNet(NeuralNetRegressor):
             Its arguments.
         """
         if "dataset_train" in cb_kwargs:
-            cb_kwargs |= self._shown
+            cb_kwargs |= self._data.rows if self._data else {}
         super().notify(method_name, **cb_kwargs)
-
-    def _show(self, X, y, records, whole) -> None:
-        """Keep the rows of the training and the held-out trajectories, for callbacks."""
-        held = [any(each is other for other in self._validation) for each in whole]
-        parts = {
-            "dataset_train": [r.rows for r, out in zip(records, held, strict=True) if not out],
-            "dataset_valid": [r.rows for r, out in zip(records, held, strict=True) if out],
-        }
-        self._shown = {name: _rows_of(X, y, rows) for name, rows in parts.items()}
 
     @contextlib.contextmanager
     def _one_phase(self, name: str):
@@ -175,16 +162,9 @@ class TrajectoryNet(NeuralNetRegressor):
             if isinstance(part, BestFreeRun):
                 part.restore(self)
 
-    def _check_callbacks(self) -> None:
-        if any(isinstance(part, BatchScoring) for _, part in self.callbacks_):
-            raise ValueError(
-                "callbacks: BatchScoring scores batches of rows, but a batch of trajectories holds "
-                "windows of them. Remedy: EpochScoring."
-            )
-
-    def _train_steps(self, windows, epochs, **fit_params) -> None:
+    def _train_steps(self, epochs, **fit_params) -> None:
         """Train on single steps; a recurrent core on stretches, the measured state fed back."""
-        length = 1
+        windows, length = self._data.windows, 1
         if hasattr(self.module_.core, "at_rest"):
             length = min(max(20, self.horizon), max(1, max(windows.lengths) - 1))
         own = corrected_states(self.model_, self.structure_)
@@ -195,20 +175,23 @@ class TrajectoryNet(NeuralNetRegressor):
         left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
         self.module_.teacher_forcing = True
         target = windows.at_ends(windows.told_x[:, own], length)
-        self._run_phase(windows, length, target, left, 1.0, epochs, **fit_params)
+        self._run_phase(length, target, left, 1.0, epochs, **fit_params)
 
-    def _train_rollouts(self, training, windows, **fit_params) -> None:
+    def _train_rollouts(self, **fit_params) -> None:
         """Train on windows along which the prediction is fed back; the outputs are compared."""
+        windows = self._data.windows
         length = min(int(self.horizon), max(1, max(windows.lengths) - 1))
         self.module_.teacher_forcing = False
-        left = self._base_error(training, length)
+        left = self._base_error(self._data.records, length)
         target = windows.at_ends(windows.y, length)
-        self._run_phase(windows, length, target, left, 0.1, self.rollout_epochs, **fit_params)
+        self._run_phase(length, target, left, 0.1, self.rollout_epochs, **fit_params)
 
-    def _run_phase(self, windows, length, target, scale, rate, epochs, **fit_params) -> None:
-        scale = torch.as_tensor(self._measure(_positive(scale)), device=self.device)
-        self._phase = _Phase(epochs, length, windows, scale, rate)
-        batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
+    def _run_phase(self, length, target, scale, rate, epochs, **fit_params) -> None:
+        scale = self._measure(np.where(scale > 0, scale, 1.0))
+        scale = torch.as_tensor(scale, device=self.device)
+        self._phase = _Phase(epochs, length, scale, rate)
+        teacher = self.module_.teacher_forcing
+        batch = self._data.windows.cut(length, self.step_, teacher=teacher)
         if self._free_names:
             for part in ("prior", "terms"):
                 batch.pop(part, None)  # they move with the parameters
@@ -219,15 +202,14 @@ class TrajectoryNet(NeuralNetRegressor):
         return left if self.scaled else np.full(left.shape, left.size**-0.5)
 
     def _base_error(self, training, length) -> np.ndarray:
-        error = step_setup.base_error(self.step_, training, self._outputs, length)
-        return np.minimum(_positive(error), self._spread)
+        error = base_error(self.step_, training, self._outputs, length)
+        return np.minimum(error, self._data.spread)
 
     def _in_reach(self) -> list[TrainingRecord]:
         """Return the unmeasured trajectories that the network, as it is, can run along."""
-        step, changes = self._free_step(), self._changes()
-        run = ready_to_run(self.module_.core, step, changes)
-        runs = [run(each.record)[1] for each in self._unmeasured]
-        found = [each for each, failed in zip(self._unmeasured, runs, strict=True) if failed < 0]
+        run, blind = self._ready_to_run(), self._data.unmeasured
+        runs = [run(each.record)[1] for each in blind]
+        found = [each for each, failed in zip(blind, runs, strict=True) if failed < 0]
         if len(found) < len(runs):
             warn_user(
                 f"in {len(runs) - len(found)} of {len(runs)} trajectories without y the network's "
@@ -238,7 +220,7 @@ class TrajectoryNet(NeuralNetRegressor):
             )
         return found
 
-    def _train_simulation(self, training) -> None:
+    def _train_simulation(self) -> None:
         """Train on the free run of whole trajectories, all weights at once."""
         core, method = self.module_.core, self.refine
         self.module_.teacher_forcing = False
@@ -256,9 +238,11 @@ class TrajectoryNet(NeuralNetRegressor):
             bounds = np.append(-unbounded, self._free.low), np.append(unbounded, self._free.high)
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
-        objective = self._objective([*training, *self._in_reach()])
-        first = len(self.history)
-        with self._resting_optimizer():
+        objective = self._objective([*self._data.records, *self._in_reach()])
+        first, everyone = len(self.history), self.callbacks_
+        # schedulers have nothing to do in a phase without the optimizer
+        self.callbacks_ = [each for each in everyone if not isinstance(each[1], LRScheduler)]
+        try:
             for _ in range(ROUNDS if objective.overlap else 1):
                 before = objective.weigh_overlap(theta)
                 begun = len(self.history)
@@ -266,17 +250,10 @@ class TrajectoryNet(NeuralNetRegressor):
                 settled = objective.error(theta) > SETTLED * before
                 if settled or self._is_enough or len(self.history) == begun:
                     break
+        finally:
+            self.callbacks_ = everyone
         if len(self.history) == first:
             _warn_of_lost(objective, theta)
-
-    def _check_refinement(self, core) -> None:
-        """Raise `ValueError` if the requested last phase needs another core."""
-        if self.refine in ("auto", None) or not self.refine_max_iter or type(core) is FeedForward:
-            return
-        raise ValueError(
-            f"refine={self.refine!r} needs the core FeedForward, got {type(core).__name__}. "
-            f"Remedy: refine=None."
-        )
 
     def _objective(self, training) -> SimulationObjective:
         """Return the loss of whole trajectories."""
@@ -287,7 +264,7 @@ class TrajectoryNet(NeuralNetRegressor):
             self._measure(self._base_error(training, None)),
             self._physics,
             self.lambda_phy_,
-            self._stride,
+            self._data.stride,
             self._threads,
             OverlapCost(self._overlap, self.module_.core, self.overlap) if weighs else None,
         )
@@ -297,16 +274,19 @@ class TrajectoryNet(NeuralNetRegressor):
         step = step_with(self.module_.core, self.step_)
         return step if self._free is None else replace(step, free=self._free.names)
 
+    def _ready_to_run(self):
+        return ready_to_run(self.module_.core, self._free_step(), self._changes())
+
     # -- the model's parameters --------------------------------------------------------------------
 
-    def _free_parameters(self, windows) -> None:
+    def _free_parameters(self) -> None:
         """Let the model's parameters be trained, from their present values."""
         self._free, self._overlap = None, None
         names = self._free_names + self._balance_names
         if names:
             self._free = FreeParameters.of(self._prior, self.model_, names)
             if self._free_names and self.structure_ in ON_THE_MODEL:
-                self._overlap = Overlap(self.step_, self._free, windows)
+                self._overlap = Overlap(self.step_, self._free, self._data.windows)
 
     def _changes(self) -> np.ndarray:
         """Return the present relative changes of the parameters."""
@@ -319,7 +299,7 @@ class TrajectoryNet(NeuralNetRegressor):
         """Return the present values of the parameters, as tensors."""
         return {} if self._free is None else self._free.values(self.module_.changes)
 
-    def _settle_parameters(self, training) -> None:
+    def _settle_parameters(self) -> None:
         """Set the model's parameters to their last values, and store their uncertainty."""
         self.parameters_: dict[str, Estimate] = {}
         self.dissipation_: dict[str, float] = {}
@@ -328,7 +308,7 @@ class TrajectoryNet(NeuralNetRegressor):
         free, changes = self._free, self._changes()
         reach = np.full(len(free.names), np.inf)
         if type(self.module_.core) is FeedForward:
-            objective = self._objective(training)
+            objective = self._objective(self._data.records)
             objective.lambda_phy, objective.overlap = 0.0, None
             theta = np.append(weights_of(self.module_.core), changes)
             reach = NORMAL_95 * parameter_errors(objective, theta)
@@ -341,17 +321,13 @@ class TrajectoryNet(NeuralNetRegressor):
         self._free = self._overlap = self.module_.free = None
         with torch.no_grad():
             self.module_.changes.zero_()
-        _warn_of_ends([each for each in free.at_the_end(changes) if each in self._free_names])
-
-    @contextlib.contextmanager
-    def _resting_optimizer(self):
-        """Remove the schedulers from a phase without the optimizer."""
-        everyone = self.callbacks_
-        self.callbacks_ = [each for each in everyone if not isinstance(each[1], LRScheduler)]
-        try:
-            yield
-        finally:
-            self.callbacks_ = everyone
+        ends = [each for each in free.at_the_end(changes) if each in self._free_names]
+        if ends:
+            warn_user(
+                f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger "
+                f"spread in the model; 'corrects' and 'sees', where it is known what the missing "
+                f"part acts on and depends on; or leave the parameter out of 'free'."
+            )
 
     def _on_step(self, theta, cost) -> bool:
         """Record a step of the last phase as an epoch; return whether it is the last one."""
@@ -376,14 +352,14 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def _validation_error(self) -> float:
         """Return the free-run error of the held-out trajectories, in deviations of the outputs."""
-        errors, changes = [], self._changes()
-        run = ready_to_run(self.module_.core, self._free_step(), changes)
-        for each in self._validation:
+        errors: list[np.ndarray] = []
+        run = self._ready_to_run()
+        for each in self._data.validation:
             x, failed = run(each.record)
             if failed >= 0:
                 return np.inf
             errors.append(
-                ((self._outputs(each.record, x) - each.y) / self._spread)[each.scored_from :]
+                ((self._outputs(each.record, x) - each.y) / self._data.spread)[each.scored_from :]
             )
         return float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))
 
@@ -459,7 +435,8 @@ class TrajectoryNet(NeuralNetRegressor):
         X = to_tensor(X, device=self.device)
         error = self._error_loss(y_pred, y_true, X)
         if not torch.isfinite(error):
-            raise NotFinite(self._why_not_finite(error))
+            weights = nn.utils.parameters_to_vector(self.module_.core.parameters())
+            raise NotFinite(_why_not_finite(error, weights, self._phase.horizon))
         if training and self._overlap is not None and self.overlap:
             share = (self._overlap(self.module_.core) ** 2).sum()
             error = error + self.overlap * error.detach() * share
@@ -473,35 +450,16 @@ class TrajectoryNet(NeuralNetRegressor):
             self.lambda_phy_ = balanced_lambda(error, physics, weights, before)
         return (1 - self.lambda_phy_) * error + self.lambda_phy_ * physics
 
-    def _why_not_finite(self, error) -> str:
-        weights = nn.utils.parameters_to_vector(self.module_.core.parameters())
-        steps = self._phase.horizon if self._phase else 0
-        if torch.isfinite(weights).all() and steps == 1:
-            return (
-                f"the error of a single step is {error.item()}, though the network's weights are "
-                f"finite. Remedy: a model whose equations are finite at every measured state, "
-                f"without a root or a logarithm of what may be negative; or a smaller lr."
-            )
-        if torch.isfinite(weights).all():
-            return (
-                f"the error of the prediction is {error.item()}. Remedy: a smaller lr, or a "
-                f"shorter horizon."
-            )
-        return (
-            "the network's weights are not finite: a step was too large, or a term of physics_loss "
-            "has no finite gradient. Remedy: a smaller lr; keep that term away from roots and "
-            "divisions at 0."
-        )
-
     def _error_loss(self, y_pred, y_true, X):
         """Compare states if the measured ones are fed back, outputs if the predicted ones are."""
         if self.module_.teacher_forcing:
             own = torch.as_tensor(corrected_states(self.model_, self.structure_))
             compared = y_pred.index_select(-1, own.to(y_pred.device))
-        else:
-            compared = outputs_of(
-                self.model_, y_pred, self._inputs_after(X), X["t"][:, 1:], self._tuned()
-            )
+        else:  # an output may depend on the inputs that act at the end of every step
+            after = X["index"].cpu().numpy() + 1
+            acting = self.module_.samples["acting"][after, : len(self.model_.inputs)]
+            u = torch.as_tensor(acting.reshape(*after.shape, -1), device=X["t"].device)
+            compared = outputs_of(self.model_, y_pred, u, X["t"][:, 1:], self._tuned())
         compared, y_true = compared / self._phase.scale, y_true / self._phase.scale
         seen = torch.isfinite(y_true)
         if not seen.any():
@@ -510,16 +468,9 @@ class TrajectoryNet(NeuralNetRegressor):
             compared, y_true = compared[seen], y_true[seen]
         return super().get_loss(compared, y_true, X)
 
-    def _inputs_after(self, X):
-        """Return the inputs that act at the end of every step; an output may depend on them."""
-        after = X["index"].cpu().numpy() + 1
-        acting = self.module_.samples["acting"][after, : len(self.model_.inputs)]
-        return torch.as_tensor(acting.reshape(*after.shape, -1), device=X["t"].device)
-
     def __getstate__(self):
         state = {name: part for name, part in self.__dict__.items() if name not in _TRAINED}
-        # of a training that is going on
-        state |= {"_phase": None, "_validation": [], "_unmeasured": [], "_shown": {}}
+        state |= {"_phase": None, "_data": None}  # of a training that is going on
         if self.initialized_:
             weights = self.module_.state_dict()
             state["_weights"] = {name: part.cpu().numpy() for name, part in weights.items()}
@@ -546,6 +497,25 @@ class TrajectoryNet(NeuralNetRegressor):
             return outputs_of(self.model_, x, u, t, known).numpy()
 
 
+def _why_not_finite(error, weights, steps: int) -> str:
+    if not torch.isfinite(weights).all():
+        return (
+            "the network's weights are not finite: a step was too large, or a term of physics_loss "
+            "has no finite gradient. Remedy: a smaller lr; keep that term away from roots and "
+            "divisions at 0."
+        )
+    if steps == 1:
+        return (
+            f"the error of a single step is {error.item()}, though the network's weights are "
+            f"finite. Remedy: a model whose equations are finite at every measured state, without "
+            f"a root or a logarithm of what may be negative; or a smaller lr."
+        )
+    return (
+        f"the error of the prediction is {error.item()}. Remedy: a smaller lr, or a shorter "
+        f"horizon."
+    )
+
+
 def _warn_of_lost(objective: SimulationObjective, theta) -> None:
     """Warn if runs or slopes that are not finite kept the last phase from making a step."""
     parts = objective.parts(theta)[: len(objective.records)]
@@ -558,26 +528,3 @@ def _warn_of_lost(objective: SimulationObjective, theta) -> None:
             f"trajectories.",
             SimulationWarning,
         )
-
-
-def _warn_of_ends(names) -> None:
-    """Warn of parameters at a limit of their range."""
-    if names:
-        warn_user(
-            f"{', '.join(names)} ended at a limit of the spread or bounds. Remedy: a larger spread "
-            f"in the model; 'corrects' and 'sees', where it is known what the missing part acts on "
-            f"and depends on; or leave the parameter out of 'free'."
-        )
-
-
-def _positive(values) -> np.ndarray:
-    """Replace zeros by 1."""
-    return np.where(values > 0, values, 1.0)
-
-
-def _rows_of(X, y, pieces) -> Dataset | None:
-    """Return rows of a table and its outputs, if there are any."""
-    if not pieces:
-        return None
-    rows = np.sort(np.concatenate(pieces))
-    return Dataset(multi_indexing(X, rows), multi_indexing(y, rows))

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import PGNNLRegressor, SINDYcRegressor
-from sklearn_pgnn.estimators.sindyc_names import blank_model
+from sklearn_pgnn.estimators.table_names import blank_model
 
 T = np.tile(np.arange(150) * 0.05, 2)
 F = np.sin(T * np.repeat([1.0, 2.0], 150))
