@@ -5,6 +5,7 @@ outputs of the other; the remaining difference, in units of the noise, is the in
 experiment.
 """
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -36,6 +37,7 @@ from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.experiment_design.power import Noise
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.differences import is_mark
 from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut
 from sklearn_pgnn.simulation.state_estimate import free_run
@@ -203,15 +205,20 @@ class Separation:
 
 
 def _designs(records: DiagnosisRecords, reach: float):
-    """Yield every experiment to try: its description, its times and its inputs."""
-    windows, period = records.windows, records.problem.period
+    """Yield every experiment to try: its description, its times and its inputs.
+
+    What says in which records something differs stays as it was in the end.
+    """
+    windows, period, model = records.windows, records.problem.period, records.problem.prior
     longest = np.diff(windows.bounds).max()
     t = records.problem.scales.sample_time * np.arange(min(int(longest), SAMPLES // KEPT))
     lowest, highest = windows.u.min(axis=0), windows.u.max(axis=0)
     half = (highest - lowest) / 2
     offset = np.where(np.abs(lowest + highest) > 0.01 * half, lowest + half, 0.0)
+    marks = np.array([is_mark(model, name) for name in model.inputs], dtype=bool)
+    offset[marks] = windows.u[-1, marks]
     levels = np.union1d(reach, min(reach, 1.0) * 2.0 ** -np.arange(float(OCTAVES)))
-    for i, name in enumerate(records.problem.prior.inputs):
+    for i, name in itertools.compress(enumerate(model.inputs), ~marks):
         for wave in waves(period, t[-1], t[1]):
             for amplitude in half[i] * levels:
                 u = np.tile(offset, (t.size, 1))
@@ -227,7 +234,8 @@ def swap(
 ):
     """Fit the model with one cause in the place of another.
 
-    Return the best fit over the starts of the new effect; for `each_step` see `fit_windows`.
+    Return the best fit over the starts of the new effect, the other causes as they were fitted and
+    as they begin: beside it they may be others. For `each_step` see `fit_windows`.
     """
     problem, prior = records.problem, records.problem.prior
     hypothesis = put_in_place(problem, records.causes, old, new)
@@ -245,7 +253,9 @@ def swap(
         )
 
     starts = new.proposals(prior, problem.scales)
-    looks = [fit(_extend(records, hypothesis.order, start, held), STEPS) for start in starts]
+    begun = ("extended", "refitted") if len(records.causes) > 1 else ("extended",)
+    pairs = itertools.product(starts, begun)
+    looks = [fit(_extend(records, hypothesis.order, *pair, held), STEPS) for pair in pairs]
     looks.sort(key=lambda look: look.objective)
     best = min((fit(look.model) for look in looks[:KEPT]), key=lambda each: each.objective)
     return FittedWindows(best.model, best.x0, best.evaluation.residual, best.freedoms)
@@ -266,11 +276,10 @@ def put_in_place(
     return next((placed for placed in places if models.is_possible(placed)), there)
 
 
-def _extend(records, causes, start=None, held=frozenset()):
-    """Extend the prior by causes: a new one at its start, the others at fitted values."""
+def _extend(records, causes, start=None, begun="extended", held=frozenset()):
+    """Extend the prior by causes: a new one at its start, the others as in a fitted model."""
     problem, prior = records.problem, records.problem.prior.parameters
-    fitted = records.fits["extended"].model
-    model = HypothesisModels(problem).extend(Hypothesis(causes), fitted)
+    model = HypothesisModels(problem).extend(Hypothesis(causes), records.fits[begun].model)
     values = {name: prior[name].value for name in held}
     if start is not None:
         own = start.names().items()

@@ -120,10 +120,10 @@ def _nothing_found(diagnosis) -> str:
 
 
 def much_in_free_run(diagnosis) -> str:
-    """Return where far more is left in free run than the errors of the fit explain, if it is."""
+    """Return where far more is left in free run beside what the errors of the fit explain."""
     left = diagnosis.remaining_.in_free_run
     much = [f"{times(x)} {_of(o, 'the noise', left)}" for o, x in left.items() if not x <= MUCH]
-    return f", and in free run {listed(much)}" if much else ""
+    return f", and in free run {listed(much)} beyond the errors of the fit" if much else ""
 
 
 def _adequate(diagnosis) -> str:

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.physics.effects.differences import is_mark
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
 from sklearn_pgnn.record_quality.excitation import (
     find_blind_parameters,
@@ -52,11 +53,12 @@ def check_data_quality(
     windows, model = problem.windows, problem.prior
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)
+    driven = [signal for signal in inputs if not is_mark(model, signal.name)]
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
     clocks = [record.t for record in whole]
     checks: list[Callable[[], Sequence[Finding | None]]] = [
         lambda: [find_few_windows(windows), *find_repeats(whole)],
-        lambda: [*map(find_dull_input, inputs), find_first_steps(inputs)],
+        lambda: [*map(find_dull_input, driven), find_first_steps(driven)],
         lambda: find_blind_parameters(problem, base),
         lambda: [
             find_gaps(clocks, [record.name for record in whole]),

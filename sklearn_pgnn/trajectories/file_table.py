@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
+from sklearn_pgnn.physics.effects.differences import is_mark, where_of
 from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.unit_check import output_measure
@@ -194,6 +195,8 @@ class FileTable(ABC):
                 f"{{{name}: ...}}; not used so far: {listed(free)}.{last}"
             )
         if name not in near:
+            if is_mark(self.model, name):
+                return f"add it to the file: 1 {where_of(name)}, and 0 elsewhere.{last}"
             without = "." if name == TIME else ", or take it out of the model."
             return f"add it to the file{without}{last}"
         first = {name: near.pop(name), **near}

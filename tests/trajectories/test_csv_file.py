@@ -310,6 +310,11 @@ def test_the_remedy_for_a_missing_column_is_one_that_nothing_else_needs(file, he
     assert refusal(file, f"{header}\n{row}\n", model).endswith(remedy)
 
 
+def test_the_column_of_what_differs_is_told_with_its_values(file):
+    model = CART.replace(inputs={**CART.inputs, "in_all__since_5": ""})
+    assert refusal(file, RUN, model).endswith("add it to the file: 1 since 5 s, and 0 elsewhere.")
+
+
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     with pytest.raises(RecordError, match=r"none\.csv:1: expected a CSV file, got: No such file"):
         read_csv(tmp_path / "none.csv", CART)

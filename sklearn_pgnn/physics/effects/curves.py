@@ -54,8 +54,13 @@ class InputPower(CurvedInput):
     power: float = quantity("pw", "", low=-0.95, high=5.0)
     reference: float = quantity("pr", "{target}", default=1.0, low=1e-12, role="shape")
     id = "input_power"
-    summary = "The input acts with a power of it: a fan, a lamp, a valve, a photo resistor."
-    check = "Hold several values of the input: the logarithm of its effect over that of it is bent."
+    summary = (
+        "The input acts with a power of it, 1 + power: a fan, a lamp, a valve, a photo resistor."
+    )
+    check = (
+        "Hold several values of the input: the logarithm of its effect over that of it is a line "
+        "of slope 1 + power."
+    )
 
     def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return u*|u/U|^m; the power stays finite at zero."""

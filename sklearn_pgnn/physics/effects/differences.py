@@ -44,6 +44,11 @@ def where_of(column: str) -> str:
     return since if since and records == "all" else f"{where} {since}".rstrip()
 
 
+def is_mark(model: PhysicsModel, name: str) -> bool:
+    """Return whether an input says in which records, or since when, something differs."""
+    return name.startswith(IN) and name in model.inputs and not model.unit(name)
+
+
 def onset_of(effect: Effect) -> float | None:
     """Return the time in a record from which on an effect acts [s], if it begins within one."""
     onset = parts(effect.target)[1].partition(SINCE)[2]
@@ -248,7 +253,7 @@ class InputGainDifference(Difference):
     @classmethod
     def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the inputs."""
-        return tuple(model.inputs)
+        return tuple(name for name in model.inputs if not is_mark(model, name))
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Multiply the input by its gain."""
