@@ -22,6 +22,7 @@ from sklearn_pgnn.simulation.uncertainty import (
     errors_by_held,
     overdispersion,
     parameter_covariance,
+    rests_on_starts,
     standard_errors,
 )
 from sklearn_pgnn.trajectories.grid import step_of
@@ -31,9 +32,12 @@ def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dic
     """Return the parameters' standard errors, including the uncertainty of those held by causes.
 
     They are scaled so that 1.96 of them make a 95 % interval by Student's t-distribution, with the
-    number of blocks less that of the parameters as its degrees of freedom.
+    number of blocks less that of the parameters as its degrees of freedom. Where only the expected
+    values of states that are not measured tell a direction, these do not count.
     """
     fit, expected = trial.fit, _expected_starts(problem, trial)
+    if fit.usable and fit.freedoms and rests_on_starts(fit, *expected):
+        expected = expected[0], np.full(expected[1].shape, np.inf)
     blocks = len(problem.windows) * problem.windows.blocks
     wider = student.ppf(0.975, max(blocks - len(fit.freedoms), 1)) / NORMAL_95
     errors = {name: wider * e for name, e in standard_errors(fit, *expected).items()}

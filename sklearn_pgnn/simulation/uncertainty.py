@@ -16,6 +16,9 @@ NORMAL_95 = 1.96
 #: curvature along a direction, relative to the sharpest, below which it is rounding; and the
 #: share of a parameter in such a direction from which on it counts as not fixed
 FLAT, SHARE = 1e-10, 1e-3
+#: share of the information on a direction that outputs give, below which only the expected initial
+#: states tell it
+LOST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,22 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     variances = np.maximum(found.variances, np.diag(found.inverse))
     errors = np.where(found.flat, np.inf, np.sqrt(variances))
     return dict(zip(names, errors.tolist(), strict=True))
+
+
+def rests_on_starts(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> bool:
+    r"""Return whether only the expected initial states tell a direction of the parameters.
+
+    .. math:: v^T H_\infty v \le \varepsilon\, v^T H v
+
+    for an eigenvector :math:`v` of the Hessian with free initial states, :math:`H_\infty`: a state
+    that is not measured, and the parameters with it, may then have another unit.
+    """
+    normal = normal_equations(fit, expected, spread).hessian.sum(axis=0)
+    free = normal_equations(fit, expected, np.full(spread.shape, np.inf)).hessian.sum(axis=0)
+    size = np.sqrt(np.where(np.diag(normal) > 0, np.diag(normal), 1.0))
+    told, vectors = np.linalg.eigh(free / np.outer(size, size))
+    anchored = np.einsum("ij,ik,kj->j", vectors, normal / np.outer(size, size), vectors)
+    return bool(((told <= LOST * anchored) & (anchored > FLAT * anchored.max(initial=0.0))).any())
 
 
 def parameter_covariance(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:

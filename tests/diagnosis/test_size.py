@@ -4,13 +4,14 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 from sledge import NOISE, SLEDGE, drive
 
-from sklearn_pgnn import effects
+from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.diagnosis import size
 from sklearn_pgnn.diagnosis.size import (
     _size_fields,
@@ -288,3 +289,25 @@ def test_a_sensor_never_reads_beyond_its_limit(passes):
     trial = fitter.fit_all(found, base)
     assert reads_noise_at_limits(fitter.problem, trial, limit) is not passes
     assert reads_noise_at_limits(fitter.problem, trial, LOAD)
+
+
+@pytest.mark.parametrize(("outputs", "determined"), [({"y": "v"}, False), ({}, True)])
+def test_a_unit_of_a_state_that_nobody_measures_is_not_determined(outputs, determined):
+    """With the current, L, C and R have each a scale of its own: only their products act on v."""
+    filter_ = PhysicsModel(
+        {"v": "V", "i": "A"},
+        {"v": "(i - v/R)/C", "i": "(u - v)/L"},
+        {name: {"value": 1.0, "spread": np.inf, "bounds": [0.01, 100.0]} for name in "LCR"},
+        {"u": "V"},
+        outputs,
+    )
+    rng, t = np.random.default_rng(0), np.arange(0, 30, 0.05)
+    u = np.repeat(rng.uniform(-1, 1, 30), 20)
+    y = filter_.simulate(t, u).y
+    y = y + 0.01 * rng.normal(size=y.shape)
+    records = read_records(filter_, pd.DataFrame({"t": t, "u": u}), y)
+    fitter = HypothesisFitter(build_problem(filter_, records))
+    errors = parameter_errors(fitter.problem, fitter.base())
+    assert {name: bool(np.isfinite(error)) for name, error in errors.items()} == dict.fromkeys(
+        "LCR", determined
+    )
