@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.candidate import Candidate
@@ -11,8 +11,8 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
 
-#: a cause, or what begins with its effect and target
-Named = NamedCause | Sequence[Any]
+#: what has an effect and a target, or begins with them
+Named: TypeAlias = Any
 
 
 def pair_of(cause: NamedCause) -> Candidate:

@@ -1,6 +1,6 @@
 """Missing parts that no cause of the catalogue explains: where, and what they depend on."""
 
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
