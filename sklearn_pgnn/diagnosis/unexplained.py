@@ -1,6 +1,6 @@
 """Missing parts that no cause of the catalogue explains: where, and what they depend on."""
 
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
@@ -130,7 +130,7 @@ def propose(
     problem: EstimationProblem,
     base: FittedHypothesis,
     channel: str,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
     timed: bool = True,
 ) -> list[Proposal]:
     """Estimate the hidden input of a channel, and formulas for it with one, two, and more terms.
@@ -175,7 +175,7 @@ def propose_again(
     problem: EstimationProblem,
     base: FittedHypothesis,
     proposal: Proposal,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> Proposal | None:
     """Fit a formula again that was found on other records."""
     effect = proposal.effect
@@ -188,7 +188,7 @@ def hidden_input(
     problem: EstimationProblem,
     base: FittedHypothesis,
     channel: str,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> HiddenInput:
     """Estimate by smoothing what acts at a channel and is not in the model."""
     model = base.fit.model
