@@ -9,7 +9,6 @@ from click.shell_completion import get_completion_class
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
 
-
 PROGRAM = "sklearn-pgnn"
 #: the model file that `init` writes
 MODEL_FILE = "model.yaml"

@@ -39,7 +39,6 @@ from sklearn_pgnn.record_quality.finding import Finding
 if TYPE_CHECKING:
     from sklearn_pgnn.diagnosis import ModelDiagnosis
 
-
 #: colour of a verdict, on a terminal with colours
 COLOURS = {
     "model_adequate": "green",

@@ -185,10 +185,7 @@ def propose_again(
 
 
 def hidden_input(
-    problem: EstimationProblem,
-    base: FittedHypothesis,
-    channel: str,
-    each_step: EachStep = None,
+    problem: EstimationProblem, base: FittedHypothesis, channel: str, each_step: EachStep = None
 ) -> HiddenInput:
     """Estimate by smoothing what acts at a channel and is not in the model."""
     model = base.fit.model

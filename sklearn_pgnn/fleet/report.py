@@ -30,7 +30,6 @@ from sklearn_pgnn.record_quality.finding import listed
 if TYPE_CHECKING:
     from sklearn_pgnn.fleet.fleet_diagnosis import FleetDiagnosis
 
-
 #: a verdict's colour
 COLOUR = {VERDICTS["model_adequate"]: "good", FAILED: "bad"}
 HEADERS = ("Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the others", "Records")

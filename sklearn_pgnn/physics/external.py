@@ -31,7 +31,6 @@ from sklearn_pgnn.exceptions import ModelError
 if TYPE_CHECKING:
     from sklearn_pgnn.physics.model import PhysicsModel
 
-
 #: least size of an argument that a step of a difference quotient is measured by
 SMALL = 1e-2
 #: slopes of two sides that differ by more than this factor are those of a jump or a kink

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from asammdf import MDF
     from rosbags.highlevel import AnyReader
 
-
 # -- automotive measurement files ------------------------------------------------------------------
 
 
