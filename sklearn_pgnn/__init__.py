@@ -9,6 +9,7 @@ holds on use without their extras for `SINDYcRegressor` (``sindy``), `model_sele
 """
 
 from importlib import import_module
+from typing import Any
 
 from sklearn_pgnn.extras import is_installed
 
@@ -53,7 +54,7 @@ if not is_installed("network"):
     __all__ = [name for name in __all__ if name not in _OF_NETWORK]
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name in _OBJECTS:
         value = getattr(import_module(_OBJECTS[name]), name)
     elif name in _MODULES:
@@ -64,5 +65,5 @@ def __getattr__(name):
     return value
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return __all__

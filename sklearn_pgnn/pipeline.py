@@ -1,11 +1,12 @@
 """Simulation, scaling and network in one pipeline."""
 
-from typing import Any
+from typing import Any, Self
 
 from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -17,7 +18,7 @@ from sklearn_pgnn.trajectories.validation import check_model
 class NamedColumns(ColumnTransformer):
     """A `ColumnTransformer` whose result has names, by which the network reads it."""
 
-    def set_output(self, *, transform=None):
+    def set_output(self, *, transform: str | None = None) -> Self:
         """Choose the library of the table; an array, which has no names, is refused.
 
         By default the library is as before.
@@ -31,7 +32,7 @@ class NamedColumns(ColumnTransformer):
         return super().set_output(transform=transform)
 
 
-def simulated_columns(X) -> list[str]:
+def simulated_columns(X: Table) -> list[str]:
     """Return the names of the simulated columns of a table."""
     return [name for name in X.columns if name.endswith(SIMULATED)]
 

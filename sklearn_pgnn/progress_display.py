@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from time import monotonic
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, Task, TextColumn
 from rich.text import Text
 
 from sklearn_pgnn.stages import BEST, in_words
@@ -54,7 +54,7 @@ def _in_words(show: Show) -> Show:
 def _bars(console: Console) -> Progress:
     began = monotonic()
 
-    def elapsed(_task) -> Text:
+    def elapsed(_task: Task) -> Text:
         minutes, seconds = divmod(int(monotonic() - began), 60)
         return Text(f"{minutes}:{seconds:02d}")
 
@@ -75,7 +75,7 @@ class _Column(TextColumn):
         super().__init__("")
         self.text = text
 
-    def render(self, task) -> Text:
+    def render(self, task: Task) -> Text:
         """Return the text of a task."""
         return self.text(task)
 

@@ -5,7 +5,9 @@ the natural interface. This table is the only place where a lower layer names an
 text that is resolved on use.
 """
 
+from collections.abc import Callable
 from pkgutil import resolve_name
+from typing import Any
 
 READINGS = {
     "simulate": "sklearn_pgnn.simulation:simulate",
@@ -30,6 +32,6 @@ READINGS = {
 }
 
 
-def reading(name: str):
+def reading(name: str) -> Callable[..., Any]:
     """Return the function that implements a method of a model."""
     return resolve_name(READINGS[name])

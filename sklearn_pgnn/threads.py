@@ -58,7 +58,7 @@ def other_processes(n_jobs: int | None) -> int:
     return effective_n_jobs(n_jobs)
 
 
-def in_turn(calls: list, n_jobs: int | None, **options) -> Iterable[Any]:
+def in_turn(calls: list, n_jobs: int | None, **options: Any) -> Iterable[Any]:
     """Return the results of calls in order, each as soon as joblib's backend returns it.
 
     They are made by `joblib.delayed`; options are those of `joblib.Parallel`.

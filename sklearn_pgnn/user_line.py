@@ -3,6 +3,7 @@
 import os
 import sys
 import warnings
+from types import FrameType
 
 #: the folder of the package
 HERE = os.path.dirname(os.path.abspath(__file__)) + os.sep
@@ -29,6 +30,6 @@ def _level() -> int:
     return level
 
 
-def _is_between(frame) -> bool:
+def _is_between(frame: FrameType) -> bool:
     library = str(frame.f_globals.get("__name__")).partition(".")[0]
     return library in BETWEEN or frame.f_code.co_filename.startswith(HERE)

@@ -1,5 +1,8 @@
 """The command line; nothing heavy is imported before the first word is on the screen."""
 
+from collections.abc import Callable
+from typing import Any
+
 import click
 
 from sklearn_pgnn import __version__
@@ -22,6 +25,7 @@ from sklearn_pgnn.cli.options import (
     output_option,
     with_options,
 )
+from sklearn_pgnn.progress_display import Show
 
 EXAMPLE = """\b
 Example:
@@ -38,19 +42,19 @@ Install it with:
 class InOrder(click.Group):
     """Commands that are listed as one comes to use them."""
 
-    def main(self, *args, **kwargs):
+    def main(self, *args: Any, **kwargs: Any) -> Any:
         """Run the command line."""
         take_any_text()
         return super().main(*args, **kwargs)
 
-    def list_commands(self, context):
+    def list_commands(self, context: click.Context) -> list[str]:
         """Return the names of the commands as they were added."""
         return list(self.commands)
 
 
 @click.group(cls=InOrder, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
 @click.version_option(__version__, "-V", "--version", prog_name=PROGRAM)
-def main():
+def main() -> None:
     """Find what is wrong with a physical model of a machine, from records of the test rig."""
 
 
@@ -58,7 +62,17 @@ def main():
 @with_options(*RECORDS, output_option("DIR", "Folder for the results."), FORCE, *SHOW)
 @with_options(*DIAGNOSIS, CORES, *TALK, LIST_EFFECTS)
 @job
-def diagnose(progress, data, model, output, quiet, force, as_json, opens, **options):
+def diagnose(
+    progress: Show,
+    data: tuple[str, ...],
+    model: str,
+    output: str,
+    quiet: bool,
+    force: bool,
+    as_json: bool,
+    opens: bool,
+    **options: Any,
+) -> Callable[[], object]:
     """Diagnose a model on records.
 
     Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml (of a
@@ -87,7 +101,7 @@ def diagnose(progress, data, model, output, quiet, force, as_json, opens, **opti
 )
 @with_options(FORCE, *SHOW, CORES, *TALK)
 @job
-def demo(_progress, output, quiet, **options):
+def demo(_progress: Show, output: str, quiet: bool, **options: Any) -> Callable[[], object]:
     """Diagnose a simulated golf robot whose model lacks stick-slip.
 
     Writes the model file and the CSV records to DIR/input, and diagnoses them.
@@ -100,7 +114,7 @@ def demo(_progress, output, quiet, **options):
 @click.command(epilog=WHERE)
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.pass_context
-def completion(context, shell):
+def completion(context: click.Context, shell: str) -> None:
     """Print the script with which a shell completes commands, options, files and effects."""
     click.echo(completion_script(context.find_root().command, shell))
 

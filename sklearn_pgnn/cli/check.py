@@ -1,12 +1,15 @@
 """The job of ``sklearn-pgnn check``: the content of the files, and a first simulation."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import click
 import pandas as pd
+from rich.console import Console
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import open_model
 from sklearn_pgnn.cli.tables import heading, print_table, say, screen, warn
@@ -16,6 +19,7 @@ from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
@@ -31,7 +35,9 @@ class Checked(NamedTuple):
     missing: pd.DataFrame | None = None
 
 
-def check_model(model, data, sample_time=None) -> Checked:
+def check_model(
+    model: FilePath, data: Sequence[FilePath], sample_time: float | None = None
+) -> Checked:
     """Check a model file against files of records."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
@@ -40,7 +46,7 @@ def check_model(model, data, sample_time=None) -> Checked:
         read = open_model(model)
         tables: list[FileTable] = []
 
-        def opened(path, model, sample_time):
+        def opened(path: FilePath, model: PhysicsModel, sample_time: float | None) -> FileTable:
             tables.append(open_file(path, model, sample_time))
             return tables[-1]
 
@@ -88,7 +94,7 @@ def _summary(look: FirstLook) -> str:
     return f"The model of the {model.name} ({', '.join(counts)}) and the records {held}."
 
 
-def _print_contents(console, checked: Checked) -> None:
+def _print_contents(console: Console, checked: Checked) -> None:
     """Print what is in the files: the records, and the quantities."""
     look = checked.look
     heading(console, "Records")
@@ -118,7 +124,7 @@ def _print_contents(console, checked: Checked) -> None:
         say(console, f"Not used: {', '.join(checked.unused)}.")
 
 
-def _print_missing(console, missing: pd.DataFrame) -> None:
+def _print_missing(console: Console, missing: pd.DataFrame) -> None:
     """Print what is missing at each port, and what explains it best."""
     heading(console, "Missing at the joints, by torque minus inverse dynamics")
     rows = (

@@ -1,6 +1,8 @@
 """The commands around a diagnosis: a model file, its check, its simulation, its fit, a fleet."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -30,6 +32,7 @@ from sklearn_pgnn.cli.options import (
     output_option,
     with_options,
 )
+from sklearn_pgnn.progress_display import Show
 
 FLEETS = """\b
 Example:
@@ -56,7 +59,9 @@ Example:
 )
 @with_options(FORCE, *TALK)
 @job
-def init(_progress, path, like, records, force, quiet):
+def init(
+    _progress: Show, path: str, like: str, records: str | None, force: bool, quiet: bool
+) -> Callable[[], object]:
     """Write a commented model file to start from.
 
     It is a complete model of a ready system; replace it by your machine. Of a robot in URDF or MJCF
@@ -71,7 +76,14 @@ def init(_progress, path, like, records, force, quiet):
 @click.command()
 @with_options(*RECORDS, JSON, *TALK)
 @job
-def check(progress, model, data, sample_time, as_json, quiet):
+def check(
+    progress: Show,
+    model: str,
+    data: tuple[str, ...],
+    sample_time: float | None,
+    as_json: bool,
+    quiet: bool,
+) -> Callable[[], object]:
     """Compare a model file with records, in seconds.
 
     Shows the contents of the files and the fit of the model as given, and warns of missing columns,
@@ -87,7 +99,15 @@ def check(progress, model, data, sample_time, as_json, quiet):
 @click.command()
 @with_options(*RECORDS, output_option("FILE.csv"), FORCE, *TALK)
 @job
-def simulate(progress, model, data, sample_time, output, force, quiet):
+def simulate(
+    progress: Show,
+    model: str,
+    data: tuple[str, ...],
+    sample_time: float | None,
+    output: str,
+    force: bool,
+    quiet: bool,
+) -> Callable[[], object]:
     """Simulate a model file on the inputs of records, in free run.
 
     A record starts from the states in its file, else from those that its outputs show, else from
@@ -115,7 +135,16 @@ def simulate(progress, model, data, sample_time, output, force, quiet):
 @click.option("--free-run", is_flag=True, help="Fit the free run of whole records, not windows.")
 @with_options(FORCE, JSON, NOISE, SAID_HOLD, SUBSTEPS, WINDOW, SEED, CORES, *TALK)
 @job
-def fit(progress, model, data, output, force, as_json, quiet, **options):
+def fit(
+    progress: Show,
+    model: str,
+    data: tuple[str, ...],
+    output: str,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+    **options: Any,
+) -> Callable[[], object]:
     """Fit the free parameters of a model file to records.
 
     The fit uses the bounds of the parameters, not their spreads; it does not look for missing
@@ -141,7 +170,16 @@ def fit(progress, model, data, output, force, as_json, quiet, **options):
 @click.option("--output", metavar="FILE.html", type=FILE, help="File for a report (optional).")
 @with_options(FORCE, *SHOW, *TALK)
 @job
-def compare(_progress, one, other, output, force, as_json, opens, quiet):
+def compare(
+    _progress: Show,
+    one: str,
+    other: str,
+    output: str | None,
+    force: bool,
+    as_json: bool,
+    opens: bool,
+    quiet: bool,
+) -> Callable[[], object]:
     """Compare two diagnoses: before and after a repair, say, or two machines.
 
     A and B are folders that diagnose has written, or the diagnosis.json in them.
@@ -173,7 +211,7 @@ def compare(_progress, one, other, output, force, as_json, opens, quiet):
 @click.option("--open", "opens", is_flag=True, help="Open the page.")
 @with_options(*TALK)
 @job
-def app(_progress, port, opens, quiet):
+def app(_progress: Show, port: int, opens: bool, quiet: bool) -> Callable[[], object]:
     """Serve a page on which files are dropped and diagnosed.
 
     It is accessible from this computer only, and no data leave it. Drop a model file and CSV files,
@@ -195,7 +233,9 @@ def app(_progress, port, opens, quiet):
 )
 @with_options(JSON, NOISE, HOLD, SUBSTEPS, WINDOW, *CANDIDATES, SEED, CORES, *TALK, LIST_EFFECTS)
 @job
-def detect(progress, model, data, as_json, quiet, **options):
+def detect(
+    progress: Show, model: str, data: tuple[str, ...], as_json: bool, quiet: bool, **options: Any
+) -> Callable[[], object]:
     """Find how large every effect must be to be named on records like these.
 
     Every effect is added to the re-tuned model, with the inputs and the noise of the records.
@@ -232,7 +272,16 @@ def detect(progress, model, data, as_json, quiet, **options):
 )
 @with_options(*SHOW, *DIAGNOSIS, PROCESSES, *TALK, LIST_EFFECTS)
 @job
-def fleet(progress, model, records, output, quiet, as_json, opens, **options):
+def fleet(
+    progress: Show,
+    model: str,
+    records: str,
+    output: str,
+    quiet: bool,
+    as_json: bool,
+    opens: bool,
+    **options: Any,
+) -> Callable[[], object]:
     """Diagnose many machines of one kind on their records.
 
     Writes DIR/index.html (open it first) with one row per machine, DIR/fleet.json, and for every

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.diagnose import NAMES, Job
 from sklearn_pgnn.cli.guard import one_line, show_progress, writing
 from sklearn_pgnn.cli.output import check_free
@@ -18,7 +19,7 @@ SIZES: dict[str, Any] = {"n_records": 6, "duration": 10.0, "sample_rate": 100.0}
 
 
 def run_demo(
-    output,
+    output: FilePath,
     *,
     n_jobs: int = -1,
     quiet: bool = False,
@@ -69,7 +70,7 @@ def _print_task(model: Path, data: list[Path]) -> None:
     )
 
 
-def _print_truth(model: Path, output) -> None:
+def _print_truth(model: Path, output: FilePath) -> None:
     fields = {"level": "N m", "peak": "N m", "velocity": "rad/s"}
     truth = ", ".join(f"{name} {getattr(HIDDEN, name):g} {unit}" for name, unit in fields.items())
     command = (

@@ -1,9 +1,11 @@
 """The job of ``sklearn-pgnn detect``: how large an effect must be before the records show it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import click
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.inputs import (
     check_candidates,
     choose_effects,
@@ -28,7 +30,17 @@ class DetectJob:
     """The detectability of effects in files of records; `options` are those of `ModelDiagnosis`."""
 
     def __init__(
-        self, model, data, *, power, noise, catalogue, exclude, targets, sample_time=None, **options
+        self,
+        model: FilePath,
+        data: Sequence[FilePath],
+        *,
+        power: float,
+        noise: Sequence[str],
+        catalogue: Iterable[str],
+        exclude: Iterable[str],
+        targets: Iterable[str],
+        sample_time: float | None = None,
+        **options: Any,
     ):
         read, self.X, self.y = read_model_and_records(model, data, sample_time)
         self.power, self.effects = power, choose_effects(catalogue, exclude)

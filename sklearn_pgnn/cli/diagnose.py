@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import click
 from click.core import ParameterSource
 
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.cli.guard import Bug, one_line
 from sklearn_pgnn.cli.inputs import read_model, read_search, told_warnings
 from sklearn_pgnn.cli.output import (
@@ -129,7 +130,7 @@ class Job:
             click.launch(str(Path(self.output, "report.html").absolute()))
 
 
-def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
+def fit_kept(diagnosis: ModelDiagnosis, X: Table, y: Table) -> tuple[Exception | None, list[str]]:
     """Fit; return the error of a stage that was left out, or None, and the warnings."""
     with _noted(RecordWarning, DiagnosisWarning) as told:
         try:
@@ -145,7 +146,9 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
     return _left_out(told), records
 
 
-def write_results(folder: Path, diagnosis, provenance: Provenance) -> Exception | None:
+def write_results(
+    folder: Path, diagnosis: ModelDiagnosis, provenance: Provenance
+) -> Exception | None:
     """Write the files of a result; return the error of a file or a part that was left out."""
     with _noted(DiagnosisWarning) as told:
         texts = {

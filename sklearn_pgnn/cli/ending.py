@@ -4,8 +4,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from types import FrameType
 
 import click
 
@@ -27,7 +28,7 @@ def check() -> None:
 
 
 @contextmanager
-def held():
+def held() -> Iterator[None]:
     """Defer signals until the block has ended."""
     _Stop.holders += 1
     try:
@@ -38,7 +39,7 @@ def held():
 
 
 @contextmanager
-def stoppable():
+def stoppable() -> Iterator[None]:
     """End the block in an orderly way on a signal.
 
     A signal that the caller ignores, as ``nohup`` does, stays ignored.
@@ -62,7 +63,7 @@ def _install() -> dict:
     if threading.current_thread() is not threading.main_thread():
         return {}
 
-    def come(number, _frame) -> None:
+    def come(number: int, _frame: FrameType | None) -> None:
         _Stop.came = number
         check()
 

@@ -3,12 +3,14 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
 from sklearn_pgnn.cli.ending import held
 from sklearn_pgnn.cli.guard import job, one_line, writing
 from sklearn_pgnn.cli.options import FILE, FORCE, POSITIVE, TALK, output_option, with_options
+from sklearn_pgnn.progress_display import Show
 from sklearn_pgnn.whole_file import WorkingFolder
 
 #: the targets, and the options of each besides the name
@@ -68,7 +70,16 @@ NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
 )
 @with_options(FORCE, *TALK)
 @job
-def export(progress, model, target, output, name, force, quiet, **options):
+def export(
+    progress: Show,
+    model: str,
+    target: str,
+    output: str,
+    name: str | None,
+    force: bool,
+    quiet: bool,
+    **options: Any,
+) -> Callable[[], object] | None:
     """Write a model file in the language of another tool.
 
     The C file and the FMU compute the same as the simulation, with sticking friction and delays.

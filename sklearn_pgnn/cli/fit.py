@@ -1,8 +1,12 @@
 """The job of ``sklearn-pgnn fit``: the free parameters of a model file, fitted to records."""
 
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import click
 import numpy as np
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import read_model_and_records, read_noise, split
 from sklearn_pgnn.cli.tables import change, heading, print_table, say, screen
@@ -19,7 +23,17 @@ from sklearn_pgnn.trajectories import read_records
 class FitJob:
     """A model file fitted to files of records; `options` are those of `PhysicsModelRegressor`."""
 
-    def __init__(self, model, data, *, free_run, free, noise, sample_time=None, **options):
+    def __init__(
+        self,
+        model: FilePath,
+        data: Sequence[FilePath],
+        *,
+        free_run: bool,
+        free: Iterable[str],
+        noise: Sequence[str],
+        sample_time: float | None = None,
+        **options: Any,
+    ):
         self.source = model
         self.prior, self.X, self.y = read_model_and_records(model, data, sample_time)
         names, known = split(free), self.prior.parameters

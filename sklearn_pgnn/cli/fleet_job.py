@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 from joblib import parallel_config
+from rich.console import Console
 
 from sklearn_pgnn.cli.guard import one_line, writing
 from sklearn_pgnn.cli.inputs import read_model, read_search
@@ -122,7 +123,9 @@ def _reader(pattern: str | None) -> Callable[[Path], str | None]:
     return lambda place: (found := wanted.fullmatch(place.as_posix())) and found["machine"]
 
 
-def print_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
+def print_fleet(
+    fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool
+) -> None:
     """Print the findings on a fleet; with `quiet` only how often every verdict came."""
     report = Path(output, REPORT)
     if as_json:
@@ -164,6 +167,6 @@ def _print_summary(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
     say(console, f"Report: {one_line(report)}")
 
 
-def _more(console, count: int) -> None:
+def _more(console: Console, count: int) -> None:
     if count > SHOWN:
         say(console, f"and {count - SHOWN} more in the report.")

@@ -5,6 +5,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from typing import Any
 
 import click
 from rich.console import Console
@@ -54,7 +55,7 @@ def one_line(text: object) -> str:
 
 
 @contextmanager
-def guarded(debug: bool):
+def guarded(debug: bool) -> Iterator[None]:
     """Turn errors into one line and an exit code, and signals into an orderly end."""
     with stoppable():
         try:
@@ -69,7 +70,7 @@ def guarded(debug: bool):
 
 
 @contextmanager
-def writing(what: object):
+def writing(what: object) -> Iterator[None]:
     """Turn errors of the file system into `Unusable`."""
     try:
         yield
@@ -98,7 +99,7 @@ def show_progress(quiet: bool) -> Iterator[Show]:
     else:
         with shown_progress(Console(stderr=True)) as show:
 
-            def progress(*step) -> None:
+            def progress(*step: Any) -> None:
                 check()
                 show(*step)
 
@@ -109,7 +110,7 @@ def job(work: Callable[..., Callable[[], object] | None]) -> Callable[..., None]
     """Make a command of what works with a progress, and returns what prints its result."""
 
     @wraps(work)
-    def command(quiet: bool, debug: bool, **given) -> None:
+    def command(quiet: bool, debug: bool, **given: Any) -> None:
         with guarded(debug):
             with show_progress(quiet) as progress:
                 progress("loading the libraries")

@@ -3,10 +3,11 @@
 import math
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+from typing import NoReturn
 
 import click
 import pandas as pd
@@ -87,7 +88,7 @@ def positive(text: str) -> float | None:
     return value if 0 < value < math.inf else None
 
 
-def _refuse_noise(word: str, outputs: Sequence[str]):
+def _refuse_noise(word: str, outputs: Sequence[str]) -> NoReturn:
     each = " ".join(f"--noise {name}=NUMBER" for name in outputs)
     raise OptionError(f"--noise: expected every output of the model once ({each}), got {word!r}.")
 
@@ -137,7 +138,9 @@ def read_search(model: PhysicsModel, options: dict) -> dict:
     return {"noise_std": noise, "catalogue": effects, "targets": targets}
 
 
-def check_candidates(model: PhysicsModel, effects, targets) -> None:
+def check_candidates(
+    model: PhysicsModel, effects: Sequence[type[Effect]], targets: Collection[str] | None
+) -> None:
     """Refuse a choice of effects and targets that leaves no candidate."""
     if not is_possible(model, effects, targets):
         ids = ", ".join(effect.id for effect in effects)

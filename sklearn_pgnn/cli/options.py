@@ -1,7 +1,13 @@
 """The options of the commands, how a shell completes them, and the ready systems."""
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import click
 from click.shell_completion import get_completion_class
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
 
 PROGRAM = "sklearn-pgnn"
 #: the model file that `init` writes
@@ -10,7 +16,7 @@ SHELLS = ("bash", "zsh", "fish")
 
 
 class _File(click.Path):
-    def convert(self, value, param, ctx):
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if not value:
             self.fail("expected the name of a file or a folder, got an empty text.", param, ctx)
         return super().convert(value, param, ctx)
@@ -20,7 +26,7 @@ class _File(click.Path):
 FILE = _File()
 
 
-def complete_effects(_context, _option, begun: str) -> list[str]:
+def complete_effects(_context: click.Context, _option: click.Parameter, begun: str) -> list[str]:
     """Return the possible completions of a comma-separated list of effects.
 
     Examples
@@ -51,20 +57,20 @@ SYSTEMS = {
 }
 
 
-def make_system(name: str):
+def make_system(name: str) -> "PhysicsModel":
     """Return a ready system by its key in `SYSTEMS`."""
     from sklearn_pgnn import systems  # loads sympy, which most commands' help does without
 
     return getattr(systems, name.replace("-", "_"))()
 
 
-def _not_none(_context, _option, value: int) -> int:
+def _not_none(_context: click.Context, _option: click.Parameter, value: int) -> int:
     if value == 0:
         raise click.BadParameter("expected 1 or more, or -1 for all cores.")
     return value
 
 
-def _list_effects(context, _option, wanted: bool) -> None:
+def _list_effects(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
     if not wanted or context.resilient_parsing:
         return
     from sklearn_pgnn.physics.effects import CATALOGUE
@@ -75,7 +81,7 @@ def _list_effects(context, _option, wanted: bool) -> None:
     context.exit()
 
 
-def _jobs(help: str):
+def _jobs(help: str) -> Callable[[Callable], Callable]:
     return click.option(
         "--jobs",
         "n_jobs",
@@ -242,15 +248,15 @@ LIST_EFFECTS = click.option(
 )
 
 
-def output_option(metavar: str, help: str = "Output file."):
+def output_option(metavar: str, help: str = "Output file.") -> Callable[[Callable], Callable]:
     """Return the option that says where to write."""
     return click.option("--output", required=True, metavar=metavar, type=FILE, help=help)
 
 
-def with_options(*options):
+def with_options(*options: Callable[[Callable], Callable]) -> Callable[[Callable], Callable]:
     """Return a decorator that adds options to a command, in their order."""
 
-    def decorate(command):
+    def decorate(command: Callable) -> Callable:
         for option in reversed(options):
             command = option(command)
         return command

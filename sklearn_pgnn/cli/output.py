@@ -2,19 +2,24 @@
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.ending import held
 from sklearn_pgnn.cli.guard import writing
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.whole_file import WorkingFolder, remove_leftovers, write_whole
 
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis import ModelDiagnosis
 
-def strict_json(diagnosis) -> str:
+
+def strict_json(diagnosis: "ModelDiagnosis") -> str:
     """Return a diagnosis as strict JSON with the package's version; null for non-finite values."""
     return as_strict_json({**diagnosis.to_dict(), "version": __version__})
 
@@ -22,7 +27,7 @@ def strict_json(diagnosis) -> str:
 # -- one file --------------------------------------------------------------------------------------
 
 
-def refuse_existing(path, *, force: bool) -> None:
+def refuse_existing(path: FilePath, *, force: bool) -> None:
     """Refuse to replace a file, unless requested, and to write to a missing folder."""
     if not Path(path).absolute().parent.is_dir():
         raise OptionError(f"{path}: expected its folder to exist. Remedy: create it first.")
@@ -35,7 +40,7 @@ def refuse_existing(path, *, force: bool) -> None:
         )
 
 
-def write_file(path, text: str, *, force: bool) -> None:
+def write_file(path: FilePath, text: str, *, force: bool) -> None:
     """Write a file completely or not at all; only with `force` one is replaced."""
     refuse_existing(path, force=force)
     with held(), writing(path):
@@ -78,7 +83,7 @@ def check_free(output: Path, names: Sequence[str], *, force: bool) -> list[str]:
 
 
 @contextmanager
-def result_folder(output: Path):
+def result_folder(output: Path) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved to `output` on success.
 
     It stands beside `output`, and is removed after an error or a signal; where it could not be,

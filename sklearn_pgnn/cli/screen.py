@@ -1,9 +1,12 @@
 """The result of a diagnosis, and the comparison of two, as printed to stdout."""
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+from rich.console import Console
 from rich.text import Text
 
 from sklearn_pgnn.cli.guard import one_line
@@ -15,6 +18,7 @@ from sklearn_pgnn.cli.tables import (
     say,
     screen,
 )
+from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison
@@ -30,6 +34,10 @@ from sklearn_pgnn.inspection.words import (
     verdict_sentence,
 )
 from sklearn_pgnn.inspection.yardstick import retuning_counts, shown_models
+from sklearn_pgnn.record_quality.finding import Finding
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis import ModelDiagnosis
 
 #: colour of a verdict, on a terminal with colours
 COLOURS = {
@@ -45,7 +53,7 @@ COLOURS = {
 SURE = 0.99
 
 
-def described_files(diagnosis) -> dict[str, str]:
+def described_files(diagnosis: "ModelDiagnosis") -> dict[str, str]:
     """Return a description of each file of a diagnosis, by file name."""
     return {
         "report.html": "the full report with plots; open it first",
@@ -54,7 +62,7 @@ def described_files(diagnosis) -> dict[str, str]:
     }
 
 
-def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
+def print_diagnosis(diagnosis: "ModelDiagnosis", output: Path, *, quiet: bool) -> None:
     """Print the findings of a diagnosis and the location of its files."""
     console = screen()
     if not quiet:
@@ -79,7 +87,7 @@ def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
         console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
 
 
-def _print_quality(console, findings) -> None:
+def _print_quality(console: Console, findings: Iterable[Finding]) -> None:
     """Print the flaws of the records, before the verdict."""
     if not findings:
         return
@@ -90,7 +98,9 @@ def _print_quality(console, findings) -> None:
     console.print()
 
 
-def _print_cause(console, place: int, cause, diagnosis) -> None:
+def _print_cause(
+    console: Console, place: int, cause: NamedCause, diagnosis: "ModelDiagnosis"
+) -> None:
     heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
     if cause.summary:
         say(console, cause.summary)
@@ -114,7 +124,7 @@ def _print_cause(console, place: int, cause, diagnosis) -> None:
     print_table(console, ("", ""), rows)
 
 
-def _print_parameters(console, diagnosis) -> None:
+def _print_parameters(console: Console, diagnosis: "ModelDiagnosis") -> None:
     parameters = diagnosis.parameters_
     if not parameters:
         return
@@ -142,7 +152,7 @@ def _print_parameters(console, diagnosis) -> None:
     print_table(console, ("", "as given", "re-tuned", "change", ""), rows)
 
 
-def _print_errors(console, diagnosis) -> None:
+def _print_errors(console: Console, diagnosis: "ModelDiagnosis") -> None:
     """Print the errors over windows and in free run."""
     shown = shown_models(diagnosis)
     heading(

@@ -1,8 +1,11 @@
 """The job of ``sklearn-pgnn simulate``: a model file run on the inputs of records."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import read_model, told_warnings
 from sklearn_pgnn.cli.tables import print_table, say, screen
@@ -11,13 +14,15 @@ from sklearn_pgnn.inspection.numbers import fit_text
 from sklearn_pgnn.inspection.runs import fit_percentage, run_records
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import quantities_of
+from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.files import open_file
+from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.several_files import read_each
 
 
 def simulate_files(
-    model, data, sample_time=None
+    model: FilePath, data: Sequence[FilePath], sample_time: float | None = None
 ) -> tuple[PhysicsModel, pd.DataFrame, dict[str, list[float]]]:
     """Simulate a model file on the inputs of files, in free run.
 
@@ -40,7 +45,7 @@ def simulate_files(
     return read, pd.concat(pieces, ignore_index=True), fits
 
 
-def _table(model, record, run) -> pd.DataFrame:
+def _table(model: PhysicsModel, record: Record, run: Simulation) -> pd.DataFrame:
     """Return a simulation in the form of a file of records."""
     values = dict(zip(model.states, run.x.T, strict=True))
     values |= dict(zip(model.outputs, run.y.T, strict=True))
@@ -51,7 +56,9 @@ def _table(model, record, run) -> pd.DataFrame:
     return pd.DataFrame({"trajectory": record.name, "t [s]": record.origin + record.t, **named})
 
 
-def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
+def print_simulation(
+    model: PhysicsModel, fits: dict, output: str, samples: int, *, quiet: bool
+) -> None:
     """Print the fit [%] to the records, by record, and the location of the simulation."""
     if quiet:
         return

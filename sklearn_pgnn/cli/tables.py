@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
@@ -51,7 +51,7 @@ def change(value: float, prior: float) -> str:
     return f"{percent:+.1f} %" if abs(percent) >= 0.1 else f"{percent:+.1g} %"
 
 
-def print_trimmed(console: Console, what) -> None:
+def print_trimmed(console: Console, what: RenderableType) -> None:
     """Print without blanks at the ends of lines."""
     with console.capture() as captured:
         console.print(what)

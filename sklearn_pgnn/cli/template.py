@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import click
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import read_model
 from sklearn_pgnn.cli.options import MODEL_FILE, make_system
@@ -135,7 +136,9 @@ def commented_robot(
     return "\n".join([*lines, f"# columns: {{{shown}}}"]) + "\n"
 
 
-def _with_comments(text: str, head: str, path, header, comments: Mapping, delay="") -> list[str]:
+def _with_comments(
+    text: str, head: str, path: FilePath, header: Sequence[str], comments: Mapping, delay: str = ""
+) -> list[str]:
     """Return the lines of a model file with a comment above every part."""
     lines, before = [head.format(path=one_line(path)).rstrip()], ""
     if header:

@@ -120,7 +120,7 @@ class Comparison:
             return simple < is_now
         return self.evidence(current, other) > 0.0 and not self.runs_worse(current, other)
 
-    def names(self, without: FittedHypothesis, with_: FittedHypothesis, n_causes=1) -> bool:
+    def names(self, without: FittedHypothesis, with_: FittedHypothesis, n_causes: int = 1) -> bool:
         """Return whether the causes that only the second of two hypotheses has are named.
 
         Where the prior runs away from the records, less of a divergence is no explanation, even if

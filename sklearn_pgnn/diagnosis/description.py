@@ -53,7 +53,7 @@ def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
     return MissingPart(effect.target, quantities, share, effect, error, model, left, known)
 
 
-def _explained(columns, values, groups) -> float:
+def _explained(columns: np.ndarray, values: np.ndarray, groups: np.ndarray) -> float:
     """Return the share of a variance that some quantities explain on held-out groups."""
     cv = GroupKFold(FOLDS)
     found = cross_val_predict(boosted_trees(), columns, values, groups=groups, cv=cv)

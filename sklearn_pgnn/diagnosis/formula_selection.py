@@ -26,7 +26,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 class FormulaSelection:
     """Look for a formula where the catalogue's causes leave something."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._known: dict[Key, tuple[WindowFit, Proposal | None]] = {}
 
     def is_law(self, search: Search) -> bool:
@@ -68,7 +68,9 @@ class FormulaSelection:
         return result, None
 
     @staticmethod
-    def on_other_records(search: Search, ground: FittedHypothesis, proposal: Proposal):
+    def on_other_records(
+        search: Search, ground: FittedHypothesis, proposal: Proposal
+    ) -> Proposal | None:
         """Return a formula re-fitted on other records, or None where they do not name it."""
         fitter = search.fitter
         fitter.progress.begin("formula")

@@ -1,11 +1,16 @@
 """The findings of a diagnosis as tables."""
 
 import math
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
+    from sklearn_pgnn.diagnosis.result import NamedCause
 
-def causes_frame(diagnosis) -> pd.DataFrame:
+
+def causes_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
     """Return the named causes as a table, one row per parameter.
 
     A row has the rank of the cause, its effect and target, a parameter with its value, 95 %
@@ -32,7 +37,7 @@ _SIZE = ("parameter", "value", "low", "high", "unit")
 _WORTH = ("gain_percent", "probability", "outside_catalogue", "tested", "confused_with")
 
 
-def _sizes(cause) -> list[dict]:
+def _sizes(cause: "NamedCause") -> list[dict]:
     """Return a cause's parameters; one empty row where it has none."""
     found = [
         dict(zip(_SIZE, (name, e.value, e.low, e.high, e.unit), strict=True))
@@ -41,7 +46,7 @@ def _sizes(cause) -> list[dict]:
     return found or [dict(zip(_SIZE, ("", math.nan, math.nan, math.nan, ""), strict=True))]
 
 
-def parameters_frame(diagnosis) -> pd.DataFrame:
+def parameters_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
     """Return the re-tuned parameters of the prior as a table, one row each.
 
     By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
@@ -72,7 +77,7 @@ def parameters_frame(diagnosis) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("name")
 
 
-def gain_frame(diagnosis) -> pd.DataFrame:
+def gain_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
     """Return the error reduction by re-tuning and extending as a table, one row per output.
 
     By output: root mean square errors on held-out windows of the model as given, re-tuned,

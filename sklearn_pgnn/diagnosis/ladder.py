@@ -1,5 +1,6 @@
 """Successive fits of candidates: from a few steps on few samples to a fit on all windows."""
 
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from math import comb
 
@@ -42,13 +43,15 @@ class Ladder:
         """Consider more candidates from now on."""
         self.candidates, self._screening = candidates, None
 
-    def first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
+    def first_fits(
+        self, current: FittedHypothesis, candidates: Iterable[Effect]
+    ) -> list[SubsampleFit]:
         """Fit candidates beside the causes on some samples for some steps, nearest first."""
         allowed = [c for c in candidates if current.hypothesis.allows(c)]
         self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
         return self._first_fits(self.fitter.subsample(current), allowed)
 
-    def _first_fits(self, ground: SubsampleFit, candidates) -> list[SubsampleFit]:
+    def _first_fits(self, ground: SubsampleFit, candidates: Sequence[Effect]) -> list[SubsampleFit]:
         fits = []
         self.fitter.prepare_first_fits((ground, cause) for cause in candidates)
         for cause in candidates:
@@ -100,7 +103,7 @@ class Ladder:
         else:
             self._note_alone(ground, [fit])
 
-    def converge(self, current, fits: list[SubsampleFit]) -> list[SubsampleFit]:
+    def converge(self, current: FittedHypothesis, fits: list[SubsampleFit]) -> list[SubsampleFit]:
         """Run fits to convergence, or until the best one refutes them; nearest first."""
         best, found = None, []
         for fit in fits:
@@ -141,7 +144,7 @@ class Ladder:
                 self._screening.learn(base, alone)
         return self._screening
 
-    def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
+    def in_place(self, current: FittedHypothesis, cause: Effect) -> list[FittedHypothesis]:
         """Return the hypotheses with another candidate in a cause's place, on all windows."""
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
         likely = self.promising(without)

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, MultiOutputMixin, clone
-from sklearn.utils import check_random_state
+from sklearn.utils import Tags, check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import ArrayLike, Column, FilePath, RandomState, Table
@@ -34,6 +34,7 @@ from sklearn_pgnn.diagnosis.result import (
     retuned_parameters,
 )
 from sklearn_pgnn.diagnosis.separations import (
+    Named,
     effect_named,
     pair_of,
     two_to_separate,
@@ -280,11 +281,11 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.compare_records = compare_records
         self.verbose = verbose
 
-    def __sklearn_is_fitted__(self):
+    def __sklearn_is_fitted__(self) -> bool:
         """Return whether the diagnosis has a verdict."""
         return hasattr(self, "verdict_")
 
-    def __sklearn_tags__(self):
+    def __sklearn_tags__(self) -> Tags:
         """Return tags: X may hold NaN, and scores on random data are poor."""
         return tags_of_records(super().__sklearn_tags__())
 
@@ -357,7 +358,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             warning.__cause__ = progress.failed
             warn_user(warning, DiagnosisWarning)
 
-    def _warn_of_clocks(self, records) -> None:
+    def _warn_of_clocks(self, records: Sequence[Record]) -> None:
         """Warn if only the extended model depends on time and a record does not begin at t = 0."""
         counted = self.model.is_autonomous and not self.extended_model_.is_autonomous
         late = [record for record in records if record.origin]
@@ -512,7 +513,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return a named cause with its equivalent causes, which no record separates from it."""
         return with_equivalent(cause, self.separations_)
 
-    def _cause(self, named) -> Effect:
+    def _cause(self, named: Named) -> Effect:
         """Return the effect of the catalogue with a given id and target."""
         return effect_named(named, read_catalogue(self.catalogue))
 
@@ -663,7 +664,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self._show)
         if verify:
 
-            def diagnose(X, y):
+            def diagnose(X: pd.DataFrame, y: pd.DataFrame) -> list[set[tuple[str, str]]]:
                 settings = {"model": self.extended_model_, "catalogue": catalogue}
                 silent = {"time_column": None, "progress": None, "verbose": 0}
                 again = clone(self).set_params(**settings, **silent)
@@ -735,5 +736,5 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return reading("plot_diagnosis")(self)
 
 
-def _seed(random_state) -> int:
+def _seed(random_state: RandomState) -> int:
     return int(check_random_state(random_state).randint(2**31 - 1))

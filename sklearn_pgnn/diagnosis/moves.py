@@ -1,6 +1,6 @@
 """Moves from a hypothesis to others: add, drop, replace and split causes."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import combinations
 
@@ -42,7 +42,11 @@ class Moves:
             return None
         return self.drop(current, partial(self.compare.names_disturbed, needed=needed))
 
-    def drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
+    def drop(
+        self,
+        current: FittedHypothesis,
+        is_named: Callable[[FittedHypothesis, FittedHypothesis], bool] | None = None,
+    ) -> FittedHypothesis | None:
         """Drop the least needed cause, unless it is named beside the others."""
         is_named = self.compare.names if is_named is None else is_named
         if not current.hypothesis.causes:
@@ -83,7 +87,9 @@ class Moves:
         fits = [self.ladder.step(fit) for fit in self._first_fits_of_pairs(ground, allowed[:PAIRS])]
         yield from self._choose(current, self.ladder.converge(current, usable(fits)), n_causes=2)
 
-    def _first_fits_of_pairs(self, ground: SubsampleFit, pairs) -> list[SubsampleFit]:
+    def _first_fits_of_pairs(
+        self, ground: SubsampleFit, pairs: Sequence[tuple[Effect, ...]]
+    ) -> list[SubsampleFit]:
         """Fit every pair on some samples, starting with the cause that leaves less by itself."""
         fitter = self.fitter
         fitter.prepare_first_fits((ground, cause) for pair in pairs for cause in pair)
@@ -92,7 +98,9 @@ class Moves:
         fitter.prepare_first_fits(both)
         return [fitter.first_fit(fit, other) for fit, other in both]
 
-    def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> Iterator[FittedHypothesis]:
+    def _choose(
+        self, current: FittedHypothesis, fits: list[SubsampleFit], n_causes: int = 1
+    ) -> Iterator[FittedHypothesis]:
         """Yield the named finalists; the simplest of those not refuted by another comes first."""
         self.fitter.prepare_fits(fits[:KEPT], current)
         trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]

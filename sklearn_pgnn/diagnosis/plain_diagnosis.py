@@ -1,12 +1,17 @@
 """A diagnosis as plain data, as in ``diagnosis.json``."""
 
+from typing import TYPE_CHECKING
+
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.plain_data import finite, plain
 from sklearn_pgnn.experiment_design.separation import plain_separation
 from sklearn_pgnn.physics.effects import find_effect
 
+if TYPE_CHECKING:
+    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
-def plain_diagnosis(diagnosis) -> dict:
+
+def plain_diagnosis(diagnosis: "ModelDiagnosis") -> dict:
     """Return a diagnosis as plain data; non-finite numbers are None."""
     unexplained = diagnosis.discrepancy_
     found = {
@@ -51,7 +56,7 @@ def _plain_cause(cause: NamedCause) -> dict:
     }
 
 
-def _named_starts(diagnosis) -> list[dict]:
+def _named_starts(diagnosis: "ModelDiagnosis") -> list[dict]:
     """Return every trajectory's name and initial state."""
     states = list(diagnosis.extended_model_.states)
     return [

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
@@ -223,13 +224,20 @@ class Gain:
     formula: float = math.nan
 
 
-def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCause, ...]:
+def name_causes(
+    search: Search, result: SearchResult, errors: Mapping[str, float]
+) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most important first."""
     steps = pairwise((result.base, *result.steps))
     return tuple(_named(search, result, pair, errors) for pair in steps)
 
 
-def _named(search: Search, result: SearchResult, steps, errors) -> NamedCause:
+def _named(
+    search: Search,
+    result: SearchResult,
+    steps: tuple[FittedHypothesis, FittedHypothesis],
+    errors: Mapping[str, float],
+) -> NamedCause:
     """Describe the cause that the second of two steps has, and the first has not."""
     fitter, cause = search.fitter, steps[1].hypothesis.causes[-1]
     mine, *theirs, outside = _probabilities(search, result, cause, steps)
@@ -265,7 +273,12 @@ def _onset(fitter: HypothesisFitter, trial: FittedHypothesis, cause: Effect) -> 
     return Estimate(since, low, high, "s")
 
 
-def _probabilities(search: Search, result: SearchResult, cause, steps) -> list[float]:
+def _probabilities(
+    search: Search,
+    result: SearchResult,
+    cause: Effect,
+    steps: tuple[FittedHypothesis, FittedHypothesis],
+) -> list[float]:
     """Return the probabilities of a cause, of each rival, and of none of the catalogue.
 
     They sum to 1; they are NaN where nothing was compared.
@@ -280,7 +293,9 @@ def _probabilities(search: Search, result: SearchResult, cause, steps) -> list[f
     return [*(np.array(named) / sum(named) * (1.0 - outside)).tolist(), outside]
 
 
-def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:
+def _estimates(
+    fitter: HypothesisFitter, trial: FittedHypothesis, cause: Effect, errors: Mapping[str, float]
+) -> dict[str, Estimate]:
     free = {freedom.name for freedom in trial.fit.freedoms}
     own = {f: n for f, n in cause.names().items() if f not in trial.hypothesis.taken_over(cause)}
     found = {field: estimate_of(trial.fit.model, name, errors) for field, name in own.items()}
@@ -305,7 +320,7 @@ def _gain_percent(without: HeldOut, with_: HeldOut) -> float:
 
 
 def retuned_parameters(
-    problem: EstimationProblem, fit: WindowFit, errors
+    problem: EstimationProblem, fit: WindowFit, errors: Mapping[str, float]
 ) -> dict[str, RetunedParameter]:
     """Compare the prior's free parameters with their re-tuned values."""
     table = {}
@@ -339,7 +354,7 @@ def measure_gain(
     for i, output in enumerate(problem.prior.outputs):
         scale, noise = windows.scale[i], float(white[i])
 
-        def power(which, rows, i=i):
+        def power(which: str, rows: np.ndarray, i: int = i) -> np.ndarray:
             measured = counts[rows, i].sum(axis=-1)
             return squares[which][rows, i].sum(axis=-1) / np.where(measured > 0, measured, np.nan)
 
@@ -366,7 +381,7 @@ def _rms(residuals: Residuals, output: int, scale: float) -> float:
     return float(scale * np.sqrt(residuals.squares[output] / count))
 
 
-def share_above_noise(before, after, noise):
+def share_above_noise(before: ArrayLike, after: ArrayLike, noise: float) -> np.ndarray:
     """Return the removed share of the error power above the noise, between 0 and 1."""
     before, after = np.asarray(before), np.asarray(after)
     known = np.isfinite(before) & np.isfinite(after)

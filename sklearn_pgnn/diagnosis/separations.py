@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, TypeAlias
 
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.candidate import Candidate
@@ -10,13 +11,16 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 from sklearn_pgnn.physics.effects.wiring import WIRINGS
 
+#: what has an effect and a target, or begins with them
+Named: TypeAlias = Any
 
-def pair_of(cause) -> Candidate:
+
+def pair_of(cause: NamedCause) -> Candidate:
     """Return the effect and target of a cause."""
     return Candidate(cause.effect, cause.target)
 
 
-def effect_named(named, catalogue: Sequence[type[Effect]]) -> Effect:
+def effect_named(named: Named, catalogue: Sequence[type[Effect]]) -> Effect:
     """Return the effect of a catalogue with a given id and target.
 
     Examples
@@ -44,7 +48,10 @@ def with_equivalent(cause: NamedCause, separations: Collection[Separation]) -> N
 
 
 def two_to_separate(
-    causes: Mapping[Effect, NamedCause], catalogue: Sequence[type[Effect]], cause, other
+    causes: Mapping[Effect, NamedCause],
+    catalogue: Sequence[type[Effect]],
+    cause: Named | None,
+    other: Named | None,
 ) -> tuple[Effect, Effect]:
     """Return a named cause, and the cause to separate it from."""
     if cause is None and not causes:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from dataclasses import Field, replace
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -167,7 +167,7 @@ def differs_from_none(
 def _size_fields(cause: Effect) -> set[str]:
     """Return the fields that are sizes of a cause, or of a special case with the same field."""
 
-    def sizes(kind) -> set[str]:
+    def sizes(kind: Effect | type[Effect]) -> set[str]:
         return {q.name for q in kind.quantities() if q.metadata["role"] == "size"}
 
     own, fields = sizes(cause), {q.name for q in cause.quantities()}
@@ -282,7 +282,7 @@ def exceeds_rounding(
     return False
 
 
-def _is_limit_of_magnitude(quantity) -> bool:
+def _is_limit_of_magnitude(quantity: Field) -> bool:
     """Return whether a quantity is the limit of a magnitude, so that nothing is left at zero."""
     return quantity.metadata["role"] == "end" and quantity.metadata["low"] == 0.0
 
@@ -300,6 +300,8 @@ def overdispersion_along(
     return max((float(np.mean(ratio)) for ratio in ratios if ratio), default=1.0)
 
 
-def _expected_starts(problem, trial: FittedHypothesis) -> tuple[np.ndarray, np.ndarray]:
+def _expected_starts(
+    problem: EstimationProblem, trial: FittedHypothesis
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the expected initial states of the windows, and how uncertain they are."""
     return problem.states.expected_starts(trial.fit.model, problem.windows)

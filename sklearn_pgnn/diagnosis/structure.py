@@ -44,6 +44,7 @@ from sklearn_pgnn.exceptions import SimulationError
 from sklearn_pgnn.physics.places import places_of
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.window_fit import EachStep
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.threads import one_thread_each
 
@@ -96,7 +97,7 @@ def find_structure(
     trial: FittedHypothesis,
     alpha: float,
     smallest_share: float,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> Structure:
     """Look for a law without a name that predicts what a hypothesis leaves, at every place.
 
@@ -117,7 +118,7 @@ def share_of_laws(
     problem: EstimationProblem,
     trial: FittedHypothesis,
     names: Sequence[str],
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> float:
     """Return the largest share of what a hypothesis leaves that a law at some places predicts.
 
@@ -134,7 +135,7 @@ def _places(
     problem: EstimationProblem,
     trial: FittedHypothesis,
     names: Sequence[str],
-    each_step: Callable[[], bool | None] | None,
+    each_step: EachStep,
     timed: bool = True,
 ) -> Iterator["_Place"]:
     """Yield the places where the hidden input can be found."""

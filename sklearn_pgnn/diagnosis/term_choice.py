@@ -84,7 +84,7 @@ def telling_terms(
     return list(full)
 
 
-def _slope_by(problem, base, place) -> np.ndarray:
+def _slope_by(problem: EstimationProblem, base: FittedHypothesis, place: int) -> np.ndarray:
     """Return the derivative of the outputs by a parameter, from a small step."""
     fit, freedom = base.fit, base.fit.freedoms[place]
     value = fit.model.parameters[freedom.name].value

@@ -1,6 +1,6 @@
 """Missing parts that no cause of the catalogue explains: where, and what they depend on."""
 
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
@@ -21,7 +21,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import typical_at
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import EachStep, ParameterPrior, WindowFit, fit_windows
 
 
 class KnownTerms(NamedTuple):
@@ -130,7 +130,7 @@ def propose(
     problem: EstimationProblem,
     base: FittedHypothesis,
     channel: str,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
     timed: bool = True,
 ) -> list[Proposal]:
     """Estimate the hidden input of a channel, and formulas for it with one, two, and more terms.
@@ -175,7 +175,7 @@ def propose_again(
     problem: EstimationProblem,
     base: FittedHypothesis,
     proposal: Proposal,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> Proposal | None:
     """Fit a formula again that was found on other records."""
     effect = proposal.effect
@@ -185,10 +185,7 @@ def propose_again(
 
 
 def hidden_input(
-    problem: EstimationProblem,
-    base: FittedHypothesis,
-    channel: str,
-    each_step: Callable[[], bool | None] | None = None,
+    problem: EstimationProblem, base: FittedHypothesis, channel: str, each_step: EachStep = None
 ) -> HiddenInput:
     """Estimate by smoothing what acts at a channel and is not in the model."""
     model = base.fit.model
@@ -205,14 +202,22 @@ def hidden_input(
     )
 
 
-def _proposal(problem, base, hidden: HiddenInput, formula: Formula, each_step) -> Proposal:
+def _proposal(
+    problem: EstimationProblem,
+    base: FittedHypothesis,
+    hidden: HiddenInput,
+    formula: Formula,
+    each_step: EachStep,
+) -> Proposal:
     """Fit a formula added to a model."""
     fit = _fit(problem, base, formula, each_step)
     found = _at_fit(formula, fit) if fit.usable else formula
     return Proposal(hidden, found, FittedHypothesis(base.hypothesis.plus(formula), fit))
 
 
-def _fit(problem, base, effect, each_step) -> WindowFit:
+def _fit(
+    problem: EstimationProblem, base: FittedHypothesis, effect: Formula, each_step: EachStep
+) -> WindowFit:
     """Fit a model with a formula on all windows, together with its other parameters."""
     model = effect.apply(base.fit.model)
     free = [
@@ -229,13 +234,15 @@ def _fit(problem, base, effect, each_step) -> WindowFit:
     )
 
 
-def _at_fit(effect, fit) -> Formula:
+def _at_fit(effect: Formula, fit: WindowFit) -> Formula:
     """Return a formula with its fitted coefficients."""
     values = (fit.model.parameters[name].value for name in effect.names().values())
     return replace(effect, coefficients=tuple(values))
 
 
-def smoothed_samples(problem, model, hidden) -> dict[str, np.ndarray]:
+def smoothed_samples(
+    problem: EstimationProblem, model: PhysicsModel, hidden: HiddenInput
+) -> dict[str, np.ndarray]:
     """Return the states, smoothed with the hidden input, the inputs as they act, and the time."""
     table = {name: hidden.states[:, i] for i, name in enumerate(model.states)}
     acting = problem.windows.acting_inputs(model)
@@ -249,7 +256,9 @@ def library_size(model: PhysicsModel) -> int:
     return len(term_library(model, (*model.states, *model.inputs, "t")))
 
 
-def _formula(model, channel, terms, values) -> Formula:
+def _formula(
+    model: PhysicsModel, channel: str, terms: list[sympy.Expr], values: np.ndarray
+) -> Formula:
     chosen = np.flatnonzero(values)
     return Formula(
         channel,
@@ -301,7 +310,7 @@ def leading_quantities(
     return sorted(table, key=left)[:MOST_QUANTITIES]
 
 
-def _functions(model, name) -> list[sympy.Expr]:
+def _functions(model: PhysicsModel, name: str) -> list[sympy.Expr]:
     """Return functions of one quantity."""
     if name == "t":
         return [TIME]

@@ -98,7 +98,14 @@ class HeldOutWindows:
             starts = Starts(begun, self.mean[inside], self.covariance[inside])
             self.parts.append((model, part, starts))
 
-    def _simulate(self, model, part, begun, led: Lead | None, names) -> None:
+    def _simulate(
+        self,
+        model: PhysicsModel,
+        part: ShootingWindows,
+        begun: np.ndarray,
+        led: Lead | None,
+        names: tuple[str, ...],
+    ) -> None:
         """Fill in the derivatives of the residuals of windows by parameters."""
         u, count = part.acting_inputs(model), len(names)
         spans = zip(part.starts, part.starts + part.lengths, strict=True)
@@ -195,7 +202,7 @@ class HeldOutWindows:
         left[rows, :, 0] += np.einsum("kop,kp->ko", self.slopes[rows], by_sample)
         return left
 
-    def _step(self, gram, off, here) -> np.ndarray:
+    def _step(self, gram: np.ndarray, off: np.ndarray, here: np.ndarray) -> np.ndarray:
         """Return the change of parameters from the values used to simulate a fold's windows."""
         own = {name: np.array([getattr(free, name) for free in self.freedoms]) for name in _PRIOR}
         pull = 1.0 / own["spread"] ** 2
@@ -230,7 +237,9 @@ class _Beside:
 _PRIOR = ("centre", "spread", "low", "high")
 
 
-def _starts(led: Lead | None, begun, expected, spread) -> tuple[np.ndarray, np.ndarray]:
+def _starts(
+    led: Lead | None, begun: np.ndarray, expected: np.ndarray, spread: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the expected initial states less those of the windows, and their covariances."""
     variances = np.tile(np.diag(spread**2), (len(begun), 1, 1))
     if led is None:
@@ -280,7 +289,9 @@ class DisturbedEvidence:
         less, more = (self._likelihood(each, noise, each_run) for each in (without, with_))
         return more - less if np.isfinite([less, more]).any() else np.nan
 
-    def _likelihood(self, judged: Judged, variance: np.ndarray, each_run) -> float:
+    def _likelihood(
+        self, judged: Judged, variance: np.ndarray, each_run: Callable[[], bool | None]
+    ) -> float:
         """Return the likelihood of held-out windows with the most likely disturbance."""
         key, (_, trial, held_out) = (judged.key, *variance), judged
         known, likelihood = self._known.get(key, (None, -np.inf))

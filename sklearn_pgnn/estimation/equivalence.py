@@ -1,5 +1,6 @@
 """Effects that are equivalent in the equations, so that no record can separate them."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -68,14 +69,14 @@ def _slopes(model: PhysicsModel, cause: Effect) -> np.ndarray | None:
     return _by_names(extended, tuple(cause.names().values()))
 
 
-def _by_names(model, names) -> np.ndarray:
+def _by_names(model: PhysicsModel, names: Iterable[str]) -> np.ndarray:
     """Differentiate rates and outputs by parameters: a column each."""
     expressions = [*model.equations.values(), *model.outputs.values()]
     return _columns(model, [[sympy.diff(e, symbol(name)) for e in expressions] for name in names])
 
 
 @lru_cache(maxsize=16)
-def _by_coordinates(model) -> np.ndarray:
+def _by_coordinates(model: PhysicsModel) -> np.ndarray:
     """Return the changes of rates and outputs if a state has another zero or unit.
 
     A zero at which a function has a kink would move with it; dry friction keeps its sign in any
@@ -98,7 +99,7 @@ def _keeps_its_kink(kink: sympy.Expr, state: sympy.Symbol) -> bool:
     return isinstance(kink, sympy.sign | sympy.Abs) and kink.args[0] == state
 
 
-def _change(model, state, by) -> list:
+def _change(model: PhysicsModel, state: sympy.Symbol, by: sympy.Expr) -> list[sympy.Expr]:
     """Return the changes of rates and outputs for a small change of a state's coordinate."""
     rates = {name: -_slope(f, state) * by for name, f in model.equations.items()}
     rates[str(state)] += sympy.diff(by, state) * model.equations[str(state)]
@@ -110,7 +111,7 @@ def _slope(expression: sympy.Expr, state: sympy.Symbol) -> sympy.Expr:
     return sympy.diff(expression, state).replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
 
 
-def _columns(model, columns) -> np.ndarray:
+def _columns(model: PhysicsModel, columns: Sequence[Sequence[sympy.Expr]]) -> np.ndarray:
     """Evaluate expressions at random points, all points of an expression in one column."""
     points = _points(model)
     values = [values_at(column, points, POINTS).T.ravel() for column in columns]
@@ -118,7 +119,7 @@ def _columns(model, columns) -> np.ndarray:
     return np.array(values).reshape(len(columns), n_rows).T
 
 
-def _points(model):
+def _points(model: PhysicsModel) -> Mapping[sympy.Symbol, float | np.ndarray]:
     """Draw states, inputs and times of either sign, small enough not to exceed every limit."""
     fixed = {symbol(name): p.value for name, p in model.parameters.items()}
     moving = [symbol(name) for name in (*model.states, *model.inputs)] + [TIME]
@@ -129,7 +130,7 @@ def _points(model):
     return fixed | dict(zip(moving, draws.T, strict=True))
 
 
-def _rank(*parts) -> int:
+def _rank(*parts: np.ndarray) -> int:
     """Count independent columns of several matrices side by side."""
     columns = np.column_stack(parts)
     columns = columns[np.isfinite(columns).all(axis=1)]

@@ -118,7 +118,7 @@ class FitsAhead:
         for old in list(self._made)[:-MOST]:
             del self._made[old]
 
-    def take(self, task: Task, name: Hashable, *arguments) -> Made | None:
+    def take(self, task: Task, name: Hashable, *arguments: Any) -> Made | None:
         """Return a fit, once, if its task was called with exactly these arguments."""
         made = self._made.pop((task, name), None)
         pairs = () if made is None else zip(arguments, made.arguments, strict=False)

@@ -21,7 +21,7 @@ class Start(NamedTuple):
     x0: np.ndarray
     spread: np.ndarray
 
-    def select(self, which) -> "Start":
+    def select(self, which: np.ndarray) -> "Start":
         """Return the expected initial states of some of the windows."""
         return Start(self.x0[which], self.spread)
 

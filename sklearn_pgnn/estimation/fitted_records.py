@@ -1,6 +1,6 @@
 """Data for the plots of a diagnosis: the records, and the fit of each model to them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,7 +55,10 @@ class DiagnosisRecords:
 
 
 def keep_records(
-    problem: EstimationProblem, fits: Mapping[str, WindowFit], causes: tuple[Effect, ...], names
+    problem: EstimationProblem,
+    fits: Mapping[str, WindowFit],
+    causes: tuple[Effect, ...],
+    names: Iterable[str],
 ) -> DiagnosisRecords:
     """Collect the data for the plots: the fits, and where their free runs begin."""
     windows, known = replace(problem.windows, threads=1), {}

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -254,7 +255,9 @@ class HypothesisFitter(WindowFitter):
             hypothesis = hypothesis.plus(other, place)
         return self._derive(subsample, hypothesis)
 
-    def _derive(self, subsample: SubsampleFit, hypothesis: Hypothesis, **values) -> SubsampleFit:
+    def _derive(
+        self, subsample: SubsampleFit, hypothesis: Hypothesis, **values: float
+    ) -> SubsampleFit:
         """Fit a hypothesis from the values of another; keep the known fit if that is better."""
         if not self.models.is_possible(hypothesis):
             return self._lost(hypothesis, subsample)
@@ -266,7 +269,7 @@ class HypothesisFitter(WindowFitter):
         return self.converge(replace(self._subsamples[key], hypothesis=hypothesis))
 
     def _from(
-        self, base: SubsampleFit, hypothesis: Hypothesis, model: PhysicsModel, **options
+        self, base: SubsampleFit, hypothesis: Hypothesis, model: PhysicsModel, **options: Any
     ) -> SubsampleFit:
         """Fit a model, its initial states starting from those of another hypothesis."""
         start = self.start_from(model, base)
@@ -274,7 +277,14 @@ class HypothesisFitter(WindowFitter):
         return self._to_end(hypothesis, model, x0, start, **options)
 
     def _to_end(
-        self, hypothesis, model, x0, start: Start, *, prune_above=np.inf, **options
+        self,
+        hypothesis: Hypothesis,
+        model: PhysicsModel,
+        x0: np.ndarray,
+        start: Start,
+        *,
+        prune_above: float = np.inf,
+        **options: Any,
     ) -> SubsampleFit:
         model, free = self.models.free(hypothesis, model)
         windows, tolerance = self.windows_of(model), COARSER * TOLERANCE

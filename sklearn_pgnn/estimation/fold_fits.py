@@ -3,14 +3,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import COARSER, ROUNDING, SMALL_CHANGE, TOLERANCE
 from sklearn_pgnn.estimation.fitted_hypothesis import Start
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.normal_equations import normal_equations
-from sklearn_pgnn.simulation.window_fit import WindowFit, prior_precision
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, prior_precision
 
 
 def keep_taught(fold: np.ndarray, others: np.ndarray) -> np.ndarray | None:
@@ -85,7 +87,13 @@ class FoldFits:
         return self._run(model, which, (), x0, max_steps=0, evaluation=known)
 
     def _run(
-        self, model, which: np.ndarray, free, x0, tolerance=COARSER * TOLERANCE, **options
+        self,
+        model: PhysicsModel,
+        which: np.ndarray,
+        free: tuple[ParameterPrior, ...],
+        x0: np.ndarray,
+        tolerance: float = COARSER * TOLERANCE,
+        **options: Any,
     ) -> WindowFit:
         """Fit a model on some of the windows."""
         windows, start = self.problem.windows.select(which), self.start.select(which)

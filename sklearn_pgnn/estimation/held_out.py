@@ -126,7 +126,9 @@ class CrossValidation:
             autocorrelation_times(np.where(measured, scaled, np.nan), segment),
         )
 
-    def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:
+    def _memory_price(
+        self, fit: WindowFit, gram: np.ndarray, x0: np.ndarray, order: np.ndarray, seen: Residuals
+    ) -> float:
         """Return the penalty for the initial values of as many states as a hypothesis adds."""
         windows, states = self.problem.windows, list(fit.model.states)
         values = windows.sum_blocks(np.isfinite(windows.y)).sum(axis=(1, 2))

@@ -23,7 +23,7 @@ class Hypothesis:
     causes: tuple[Effect, ...] = ()
     order: tuple[Effect, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.order:
             object.__setattr__(self, "order", self.causes)
 

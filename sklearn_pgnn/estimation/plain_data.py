@@ -3,9 +3,10 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 
-def plain(value) -> dict:
+def plain(value: Any) -> dict:
     """Return a result as what JSON holds; a number that is not finite becomes None.
 
     The result is a dataclass or a NamedTuple.
@@ -13,7 +14,7 @@ def plain(value) -> dict:
     return finite(value._asdict() if hasattr(value, "_asdict") else asdict(value))
 
 
-def finite(value):
+def finite(value: Any) -> Any:
     """Return plain data with None in the place of every number that is not finite."""
     if isinstance(value, Mapping):
         return {str(key): finite(item) for key, item in value.items()}

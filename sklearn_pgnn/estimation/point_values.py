@@ -8,6 +8,8 @@ import sympy
 
 from sklearn_pgnn.physics.external import External
 
+Value = float | np.ndarray | None
+
 
 def values_at(
     expressions: Sequence[sympy.Expr], points: Mapping[sympy.Symbol, np.ndarray | float], count: int
@@ -33,7 +35,7 @@ def number_at(expression: sympy.Expr, point: Mapping[sympy.Symbol, sympy.Float])
         return np.nan
 
 
-def _evaluate(expression, known):
+def _evaluate(expression: sympy.Basic, known: dict[sympy.Basic, Value]) -> Value:
     """Evaluate an expression of functions in the table or outside, noting it; None for any other.
 
     What is shared by expressions is evaluated once.
@@ -44,8 +46,8 @@ def _evaluate(expression, known):
         return float(expression) if expression.is_Number or expression.is_NumberSymbol else None
     values, kind = [_evaluate(part, known) for part in expression.args], type(expression)
     function = kind._imp_ if issubclass(kind, External) else _FUNCTIONS.get(kind)
-    is_known = function is not None and all(value is not None for value in values)
-    known[expression] = function(*values) if is_known else None
+    are_known = all(value is not None for value in values)
+    known[expression] = function(*values) if function is not None and are_known else None
     return known[expression]
 
 

@@ -6,7 +6,7 @@ state leave it at rest. At the start of a record, the internal state of an actua
 limit is unknown, and a small change of it may change nothing.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.physics.dry_friction import dry_friction
 from sklearn_pgnn.simulation.led_states import led_states
 from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
-from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import EachStep, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
@@ -24,7 +24,7 @@ def refit_poor_windows(
     expected: np.ndarray,
     spread: np.ndarray,
     tolerance: float,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> WindowFit:
     """Fit again with other initial states in the windows that may be stuck.
 

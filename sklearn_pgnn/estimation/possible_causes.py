@@ -51,7 +51,9 @@ def _effects_on(
     return (effect for effect in asked if can_have(model, effect))
 
 
-def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
+def warn_of_taken_names(
+    model: PhysicsModel, catalogue: Iterable[type[Effect]], targets: Collection[str] | None = None
+) -> None:
     """Warn of effects that are no candidates because the model uses a name of theirs otherwise.
 
     A parameter of another unit is not the effect's own, where that is known.
@@ -67,7 +69,9 @@ def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
                 )
 
 
-def check_targets(model: PhysicsModel, targets, catalogue: Iterable[type[Effect]] = ()) -> None:
+def check_targets(
+    model: PhysicsModel, targets: Collection[str] | None, catalogue: Iterable[type[Effect]] = ()
+) -> None:
     """Refuse targets that a model does not have."""
     if isinstance(targets, str):
         raise OptionError(

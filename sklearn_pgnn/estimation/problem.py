@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -89,7 +90,7 @@ class EstimationProblem:
 
 
 def build_problem(
-    model: PhysicsModel, records: tuple[Record, ...], n_processes: int = 1, **options
+    model: PhysicsModel, records: tuple[Record, ...], n_processes: int = 1, **options: Any
 ) -> EstimationProblem:
     """Cut records into windows and estimate the quantities a diagnosis needs.
 
@@ -110,7 +111,7 @@ def build_problem(
     )
 
 
-def _check_count(windows: ShootingWindows, window_length) -> None:
+def _check_count(windows: ShootingWindows, window_length: float | str | None) -> None:
     """Raise `OptionError` if the user's windows are so long that there are too few."""
     if len(windows) >= FOLDS:
         return
@@ -199,7 +200,7 @@ def on_one_thread(problem: EstimationProblem) -> EstimationProblem:
     return replace(_simulated(problem, threads=1), n_processes=1)
 
 
-def _simulated(problem: EstimationProblem, **options) -> EstimationProblem:
+def _simulated(problem: EstimationProblem, **options: Any) -> EstimationProblem:
     states = copy(problem.states)
     states.windows = windows = replace(problem.windows, **options)
     return replace(problem, windows=windows, states=states)
@@ -274,7 +275,7 @@ def _thinning(problem: EstimationProblem) -> int:
     return factor
 
 
-def _scales(model, windows, x) -> Scales:
+def _scales(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> Scales:
     """Measure the signals."""
     firsts, lasts = windows.bounds[:-1], windows.bounds[1:] - 1
     steps = [np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)]
@@ -301,14 +302,14 @@ def _scales(model, windows, x) -> Scales:
     )
 
 
-def _rate(windows, values) -> float:
+def _rate(windows: ShootingWindows, values: np.ndarray) -> float:
     r"""Return :math:`\sqrt{\overline{\dot x^2}}` of a state, the mean taken over time."""
     widths = np.concatenate([np.gradient(windows.t[a:b]) for a, b in pairwise(windows.bounds)])
     squares = slopes_by_record(windows, values) ** 2
     return float(np.sqrt(np.average(squares, weights=widths)))
 
 
-def _positive(value) -> float:
+def _positive(value: float) -> float:
     return float(value) if np.isfinite(value) and value > 0 else 1e-12
 
 

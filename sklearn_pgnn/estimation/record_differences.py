@@ -100,7 +100,9 @@ class _Normal:
         parts = (self.gradient, self.own, self.mixed)
         return self._solved(*(np.cumsum(part[::-1], axis=0)[::-1] for part in parts))[1]
 
-    def _solved(self, s, own, a) -> tuple[np.ndarray, np.ndarray]:
+    def _solved(
+        self, s: np.ndarray, own: np.ndarray, a: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         h, s = own - np.einsum("wi,ij,wj->w", a, self.shared, a), s - a @ self.step
         step = np.where(h > FLAT * self.own.sum(), s / np.where(h > 0.0, h, 1.0), 0.0)
         return step, step * s

@@ -1,6 +1,6 @@
 """Parameters and effects that are equivalent in the equations, whatever their size."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -181,7 +181,7 @@ def _derivatives_by_parameters(model: PhysicsModel) -> dict[str, np.ndarray]:
     return _derivatives(model, model.free_parameters)
 
 
-def _derivatives(model: PhysicsModel, names) -> dict[str, np.ndarray]:
+def _derivatives(model: PhysicsModel, names: Iterable[str]) -> dict[str, np.ndarray]:
     """Evaluate the derivatives of rates and outputs by parameters at a few random points."""
     fixed = {symbol(n): p.value for n, p in model.parameters.items()}
     moving = [symbol(n) for n in (*model.states, *model.inputs)] + [TIME]

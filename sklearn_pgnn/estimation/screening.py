@@ -100,7 +100,7 @@ def _within_limits(fit: WindowFit) -> list[str]:
     return [free.name for free, value in found if free.low < value < free.high]
 
 
-def _basis(table) -> np.ndarray:
+def _basis(table: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of columns, without rounding errors."""
     directions, sizes, _ = np.linalg.svd(table, full_matrices=False)
     return directions[:, sizes > ROUNDING * sizes[0]]
@@ -133,10 +133,10 @@ class _View:
     def residual(self) -> np.ndarray:
         return self.flat(self.fit.evaluation.residual)
 
-    def flat(self, values) -> np.ndarray:
+    def flat(self, values: np.ndarray) -> np.ndarray:
         return np.nan_to_num(values[self.windows.rows] / self.windows.scale).ravel()
 
-    def change(self, model, x0) -> np.ndarray:
+    def change(self, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
         """Return by how much the outputs change with the model and the initial states.
 
         A window with a failed simulation counts as no change.
@@ -165,11 +165,11 @@ class _View:
         shifts = np.column_stack([self.change(fit.model, fit.x0 + move) for move in moves])
         return [_basis(part) for part in self.by_window(shifts)]
 
-    def by_window(self, table) -> list[np.ndarray]:
+    def by_window(self, table: np.ndarray) -> list[np.ndarray]:
         ends = np.cumsum(self.windows.lengths) * self.windows.y.shape[1]
         return np.split(table, ends[:-1])
 
-    def without_states(self, table) -> np.ndarray:
+    def without_states(self, table: np.ndarray) -> np.ndarray:
         """Subtract from every column the part that the initial states explain."""
         pairs = zip(self.bases, self.by_window(table), strict=True)
         return np.concatenate([part - basis @ (basis.T @ part) for basis, part in pairs])

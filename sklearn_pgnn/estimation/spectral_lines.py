@@ -114,7 +114,9 @@ def _ripples_left(response: AddedResponse, gains: Gains, position: np.ndarray) -
     return tuple(float(travel / c) for c in cycles[highest])
 
 
-def _explained(response: AddedResponse, r, gains: Gains, phase: np.ndarray) -> np.ndarray:
+def _explained(
+    response: AddedResponse, r: np.ndarray, gains: Gains, phase: np.ndarray
+) -> np.ndarray:
     """Return the squares of residuals that waves at a place explain, by their phases."""
     every = (*np.cos(phase), *np.sin(phase))
     waves = [Addition(tuple((i, gain * wave) for i, gain in gains)) for wave in every]
@@ -126,7 +128,7 @@ def _explained(response: AddedResponse, r, gains: Gains, phase: np.ndarray) -> n
     return np.nan_to_num(explained)
 
 
-def _tones(windows, signal) -> tuple[float, ...]:
+def _tones(windows: ShootingWindows, signal: np.ndarray) -> tuple[float, ...]:
     """Return the frequencies of peaks in the sum of the records' spectra."""
     step = float(np.median(np.diff(windows.t)[np.diff(windows.t) > 0]))
     spans = list(pairwise(windows.bounds))
@@ -141,7 +143,7 @@ def _tones(windows, signal) -> tuple[float, ...]:
     return tuple(float(f) for f in frequency[best])
 
 
-def _ripples(position, missing) -> tuple[float, ...]:
+def _ripples(position: np.ndarray, missing: np.ndarray) -> tuple[float, ...]:
     """Return the periods of peaks over position."""
     travel = np.ptp(position)
     if not travel > 0:
@@ -153,7 +155,7 @@ def _ripples(position, missing) -> tuple[float, ...]:
     return tuple(float(travel / c) for c in cycles[_outstanding(power, first=0)])
 
 
-def _outstanding(power, first) -> np.ndarray:
+def _outstanding(power: np.ndarray, first: int) -> np.ndarray:
     """Return the highest local maxima: half of them as they are, half above their background."""
     peaks = argrelmax(power[first:], mode="clip")[0] + first
     if not peaks.size:

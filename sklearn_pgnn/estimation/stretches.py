@@ -1,7 +1,7 @@
 """Stretches of long records: the most informative ones, for a search."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -60,7 +60,7 @@ def telling_stretches(
     return tuple(_thin(piece, factor, hold) for piece in pieces), factor
 
 
-def _spans(sizes, length: int) -> Iterator[tuple[int, int, int]]:
+def _spans(sizes: Iterable[int], length: int) -> Iterator[tuple[int, int, int]]:
     """Yield record, first sample and end of stretches of about a given length, end to end."""
     for record, size in enumerate(sizes):
         edges = np.linspace(0, size, max(1, size // length) + 1).astype(int)

@@ -33,7 +33,7 @@ class FailureLog:
     A hypothesis that was fitted from another start, or later, is not unusable.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._lost: dict[Any, Unusable] = {}
         self._fitted: set[Any] = set()
 
@@ -41,7 +41,9 @@ class FailureLog:
         """Record a successful fit."""
         self._fitted.add(key)
 
-    def lost(self, key: Hashable, effect: str, target: str, beside: str = "", *, reason) -> None:
+    def lost(
+        self, key: Hashable, effect: str, target: str, beside: str = "", *, reason: Exception | str
+    ) -> None:
         """Record a failed fit."""
         self._lost.setdefault(key, Unusable(effect, target, f"{reason}{beside}"))
 

@@ -2,6 +2,7 @@
 
 from contextlib import AbstractContextManager
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from sklearn_pgnn.estimation.squares_left import squares_by_output, white_square
 from sklearn_pgnn.estimation.unusable import FailureLog, Unusable, note_fit, tolerate_failures
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, lost_fit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: name of the fits for cross-validation in reports of failures
@@ -80,10 +81,10 @@ class WindowFitter:
         tolerate: AbstractContextManager,
         model: PhysicsModel,
         windows: ShootingWindows,
-        free,
+        free: tuple[ParameterPrior, ...],
         start: Start,
         x0: np.ndarray,
-        **options,
+        **options: Any,
     ) -> WindowFit:
         """Fit a model; after a numerical failure return the placeholder for an unusable fit."""
         with tolerate:
@@ -99,8 +100,13 @@ class WindowFitter:
         return lost_fit(model, windows, free, x0)
 
     def _refit_poor(
-        self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance
-    ):
+        self,
+        hypothesis: Hypothesis,
+        fit: WindowFit,
+        windows: ShootingWindows,
+        start: Start,
+        tolerance: float,
+    ) -> WindowFit:
         """Return the better of a fit and one from other starts in windows that may be stuck."""
         with self._tolerate(hypothesis):
             fit = refit_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
@@ -164,7 +170,11 @@ class WindowFitter:
         return self._known(trial.hypothesis)
 
     def polished(
-        self, trial: FittedHypothesis, model: PhysicsModel, free, x0: np.ndarray
+        self,
+        trial: FittedHypothesis,
+        model: PhysicsModel,
+        free: tuple[ParameterPrior, ...],
+        x0: np.ndarray,
     ) -> FittedHypothesis:
         """Return a hypothesis fitted to its minimum from a model, with some free parameters."""
         fit = self.fit_model(
@@ -198,7 +208,12 @@ class WindowFitter:
         return held + ((value - own.centre) / own.spread) ** 2 - fit.objective
 
     def objective_with(
-        self, trial: FittedHypothesis, model: PhysicsModel, windows: ShootingWindows, free, **more
+        self,
+        trial: FittedHypothesis,
+        model: PhysicsModel,
+        windows: ShootingWindows,
+        free: tuple[ParameterPrior, ...],
+        **more: Any,
     ) -> float:
         """Return the objective of a fit with other values, windows or freedoms, fitted again."""
         start, tolerate = self._start(model), self._tolerate(trial.hypothesis, AWAY)
@@ -362,7 +377,7 @@ class WindowFitter:
     def _cross_validate(self, hypothesis: Hypothesis, fit: WindowFit) -> HeldOut:
         """Return the residuals of a fit on windows that its parameters were not fitted to."""
 
-        def fit_some(*arguments, **options) -> WindowFit:
+        def fit_some(*arguments: Any, **options: Any) -> WindowFit:
             return self.fit_model(self._tolerate(hypothesis, HELD_OUT), *arguments, **options)
 
         start = self._start(fit.model)

@@ -6,7 +6,7 @@ remaining residuals, over windows and in free run, are all that any diagnosis co
 drawn on top, the criterion of the diagnosis gives how often it would have named a cause.
 """
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -99,7 +99,7 @@ class Detectability:
     power: float
     sizes: tuple[float, ...]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         seen = sum(not row.reason for row in self.rows)
         return f"<Detectability: {seen} of {len(self.rows)} effects, power {self.power:g}>"
 
@@ -124,7 +124,7 @@ class Detectability:
             table.append(line | {"reason": row.reason, "found": row.found})
         return pd.DataFrame(table)
 
-    def _powers(self, row: Detectable):
+    def _powers(self, row: Detectable) -> Iterator[tuple[float, float]]:
         """Interpolate the power at multiples of the smallest size, on a logarithmic scale."""
         (none, _), *seen = row.curve
         strengths = np.log([abs(size - none) for size, _ in seen if size != none])
@@ -279,7 +279,9 @@ def _fits(model: PhysicsModel, cause: Effect) -> bool:
 # -- simulated records with one more effect, for testing the diagnosis itself ----------------------
 
 
-def inject(analysis: PowerAnalysis, effect: Effect | None, random_state=0):
+def inject(
+    analysis: PowerAnalysis, effect: Effect | None, random_state: int | np.random.Generator = 0
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Simulate the records of a diagnosis with an effect added to the machine.
 
     Return X with trajectory, time, inputs, and the initial states where they were known, and y with
@@ -304,7 +306,9 @@ def inject(analysis: PowerAnalysis, effect: Effect | None, random_state=0):
     return pd.concat(tables, ignore_index=True), y.where(np.isfinite(windows.y))
 
 
-def _table(analysis, r, t, u, start) -> pd.DataFrame:
+def _table(
+    analysis: PowerAnalysis, r: int, t: np.ndarray, u: np.ndarray, start: np.ndarray
+) -> pd.DataFrame:
     model = analysis.records.problem.prior
     table = pd.DataFrame(u, columns=list(model.inputs))
     table.insert(0, TIME, t)
@@ -317,7 +321,7 @@ def _table(analysis, r, t, u, start) -> pd.DataFrame:
     return table
 
 
-def _alike(rest, white, rng) -> np.ndarray:
+def _alike(rest: np.ndarray, white: bool, rng: np.random.Generator) -> np.ndarray:
     """Draw noise with the power of a residual and, unless white, its spectrum."""
     rest = np.nan_to_num(rest)
     noise = rng.standard_normal(rest.shape)

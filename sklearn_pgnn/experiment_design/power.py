@@ -33,7 +33,9 @@ class Noise:
     times: np.ndarray
 
     @classmethod
-    def of(cls, residual: np.ndarray, segment: np.ndarray, resolution, white: bool) -> "Noise":
+    def of(
+        cls, residual: np.ndarray, segment: np.ndarray, resolution: np.ndarray, white: bool
+    ) -> "Noise":
         """Return the noise with the power and the autocorrelation times of residuals.
 
         Residuals, of shape (n_samples, n_outputs), are NaN where nothing was measured; for
@@ -68,7 +70,14 @@ class Noise:
             for b, a in zip(before, after, strict=True)
         ]
 
-    def likelihood_ratios(self, size, times, along, rng, count) -> np.ndarray:
+    def likelihood_ratios(
+        self,
+        size: np.ndarray,
+        times: np.ndarray,
+        along: np.ndarray,
+        rng: np.random.Generator,
+        count: int,
+    ) -> np.ndarray:
         """Draw the noise on top of a signal, and compare the models without and with the signal.
 
         Return `log_likelihood_ratio` of every draw, of shape (count,); for the arguments see
@@ -79,14 +88,16 @@ class Noise:
         measured = (self.counts > 0) & (self.power > 0)
         return np.log(before[:, measured] / after[:, measured]) @ counted[measured]
 
-    def _draw_squares(self, size, along, rng, count) -> tuple[np.ndarray, np.ndarray]:
+    def _draw_squares(
+        self, size: np.ndarray, along: np.ndarray, rng: np.random.Generator, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the squares without a model of the signal, and with it, by draw and output."""
         shape = (count, size.size)
         across = self.power * rng.chisquare(np.maximum(self.counts - 1.0, 1.0), shape)
         error = np.sqrt(along) * rng.standard_normal(shape)
         return across + (size + error) ** 2, across + error**2
 
-    def _times_with(self, size, times) -> np.ndarray:
+    def _times_with(self, size: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Return the autocorrelation times of the noise with a signal."""
         squares = self.counts * self.power
         whole = np.maximum(squares + size**2, np.finfo(float).tiny)
@@ -249,7 +260,9 @@ class PowerAnalysis:
         n_added = len(effect.apply(self.model).states) - len(self.model.states)
         return float(np.mean(list(self._named(over_windows, in_free_run, n_added))))
 
-    def _named(self, over_windows, in_free_run, n_added: int) -> Iterator[bool]:
+    def _named(
+        self, over_windows: np.ndarray, in_free_run: np.ndarray, n_added: int
+    ) -> Iterator[bool]:
         """Yield for every draw of the noise whether the criterion names the cause of a signal."""
         rng = np.random.default_rng(self.seed)
         seen = _Seen(self._noise, self._left, over_windows, segments(self.windows))
@@ -285,7 +298,9 @@ class PowerAnalysis:
         """The samples that lie in a window."""
         return segments(self.windows) >= 0
 
-    def _residual(self, windows: ShootingWindows, model, x0) -> np.ndarray:
+    def _residual(
+        self, windows: ShootingWindows, model: PhysicsModel, x0: np.ndarray
+    ) -> np.ndarray:
         """Return the residuals of a model over windows, in units of the noise."""
         return evaluate(model, windows, x0, ()).residual / windows.scale
 

@@ -7,7 +7,7 @@ experiment.
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -38,10 +38,11 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.experiment_design.power import Noise
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.differences import is_mark
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut
 from sklearn_pgnn.simulation.state_estimate import free_run
-from sklearn_pgnn.simulation.window_fit import fit_windows
+from sklearn_pgnn.simulation.window_fit import EachStep, WindowFit, fit_windows
 
 # -- designed excitations: waves of an input over the length of an experiment ----------------------
 
@@ -67,11 +68,11 @@ class Wave:
     low: float = 0.0
     high: float = 0.0
 
-    def __str__(self):
+    def __str__(self) -> str:
         period = 1.0 / self.low if self.low else 0.0
         return NAMES[self.kind].format(period=period, low=self.low, high=self.high)
 
-    def __call__(self, t, duration: float) -> np.ndarray:
+    def __call__(self, t: ArrayLike, duration: float) -> np.ndarray:
         """Return the wave over time.
 
         Times [s] run from 0 to `duration`.
@@ -88,6 +89,10 @@ class Wave:
             return np.sin(2 * np.pi * self.low * t)
         rate = np.log(self.high / self.low)
         return np.sin(2 * np.pi * self.low * duration * np.expm1(rate * share) / rate)
+
+
+#: what moves an input: its name, the wave, its amplitude and offset
+Design = tuple[str, Wave, float, float]
 
 
 def waves(period: float, duration: float, sample_time: float) -> list[Wave]:
@@ -204,7 +209,9 @@ class Separation:
 # -- inputs ----------------------------------------------------------------------------------------
 
 
-def _designs(records: DiagnosisRecords, reach: float):
+def _designs(
+    records: DiagnosisRecords, reach: float
+) -> Iterator[tuple[Design, np.ndarray, np.ndarray]]:
     """Yield every experiment to try: its description, its times and its inputs.
 
     What says in which records something differs stays as it was in the end.
@@ -229,9 +236,7 @@ def _designs(records: DiagnosisRecords, reach: float):
 # -- models ----------------------------------------------------------------------------------------
 
 
-def swap(
-    records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callable[[], bool | None] | None
-):
+def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: EachStep) -> FittedWindows:
     """Fit the model with one cause in the place of another.
 
     Return the best fit over the starts of the new effect, the other causes as they were fitted and
@@ -241,7 +246,7 @@ def swap(
     hypothesis = put_in_place(problem, records.causes, old, new)
     held = held_by(prior, hypothesis)
 
-    def fit(model, max_steps=25):
+    def fit(model: PhysicsModel, max_steps: int = 25) -> WindowFit:
         free = freedoms(problem, hypothesis, model, held)
         return fit_windows(
             model,
@@ -276,7 +281,13 @@ def put_in_place(
     return next((placed for placed in places if models.is_possible(placed)), there)
 
 
-def _extend(records, causes, start=None, begun="extended", held=frozenset()):
+def _extend(
+    records: DiagnosisRecords,
+    causes: tuple[Effect, ...],
+    start: Effect | None = None,
+    begun: str = "extended",
+    held: Collection[str] = frozenset(),
+) -> PhysicsModel:
     """Extend the prior by causes: a new one at its start, the others as in a fitted model."""
     problem, prior = records.problem, records.problem.prior.parameters
     model = HypothesisModels(problem).extend(Hypothesis(causes), records.fits[begun].model)
@@ -295,7 +306,14 @@ class _Shown(NamedTuple):
     reached: dict[str, float]
 
 
-def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
+def _left(
+    records: DiagnosisRecords,
+    truth: FittedWindows,
+    rival: FittedWindows,
+    t: np.ndarray,
+    u: np.ndarray,
+    each_step: EachStep,
+) -> _Shown | None:
     """Re-tune a rival to the outputs of a model, and return the residuals.
 
     None if the outputs leave the range of the records, or if the rival cannot be fitted.
@@ -328,7 +346,7 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
     return _Shown(np.nansum(signal**2, axis=0), times, reached)
 
 
-def _beyond(records, y) -> bool:
+def _beyond(records: DiagnosisRecords, y: np.ndarray) -> bool:
     """Return whether an output leaves twice the range of the records."""
     low, high = np.nanmin(records.windows.y, axis=0), np.nanmax(records.windows.y, axis=0)
     room = 0.5 * (high - low)
@@ -352,7 +370,7 @@ def separate(
     other: Effect,
     criterion: SelectionCriterion,
     reach: float = 1.0,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> Separation:
     """Find the experiments that would separate two causes."""
     pair = Candidate(cause.id, cause.target), Candidate(other.id, other.target)
@@ -369,7 +387,11 @@ def separate(
 
 
 def _try_all(
-    records, second: FittedWindows, criterion: SelectionCriterion, reach, each_step
+    records: DiagnosisRecords,
+    second: FittedWindows,
+    criterion: SelectionCriterion,
+    reach: float,
+    each_step: EachStep,
 ) -> tuple[tuple[Experiment, ...], bool]:
     """Rank the experiments; also return whether each model imitates the other in all of them."""
     first = records.fits["extended"]
@@ -394,7 +416,15 @@ def _noise(records: DiagnosisRecords) -> Noise:
     return Noise.of(residual, segments(windows), records.problem.resolution, white=False)
 
 
-def _told(records, criterion, design, t, noise: Noise, left: _Shown, reached) -> Experiment:
+def _told(
+    records: DiagnosisRecords,
+    criterion: SelectionCriterion,
+    design: Design,
+    t: np.ndarray,
+    noise: Noise,
+    left: _Shown,
+    reached: dict[str, float],
+) -> Experiment:
     """Describe an experiment by its residuals after re-tuning."""
     name, wave, amplitude, offset = design
     shares = left.squares / noise.power

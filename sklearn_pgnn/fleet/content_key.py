@@ -8,14 +8,17 @@ from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 from types import FunctionType
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import read_catalogue
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.tables import as_table
 
 #: options that change no result
@@ -38,7 +41,7 @@ def content_key(*parts: str | bytes) -> str:
     return whole.hexdigest()
 
 
-def setting_key(model, options: Mapping) -> str:
+def setting_key(model: PhysicsModel, options: Mapping) -> str:
     """Return the hash of what all machines share: model, options and the package's version.
 
     An option of `ModelDiagnosis` must consist of numbers or texts, to be identified.
@@ -48,11 +51,11 @@ def setting_key(model, options: Mapping) -> str:
     effects = () if catalogue is None else map(_effect_key, read_catalogue(catalogue))
     told = {name: _plain_option(name, value) for name, value in sorted(said.items())}
     told["catalogue"] = None if catalogue is None else list(effects)
-    said = model.content() if model.opaque_functions else model.to_yaml()
-    return content_key(__version__, said, json.dumps(told))
+    text = model.content() if model.opaque_functions else model.to_yaml()
+    return content_key(__version__, text, json.dumps(told))
 
 
-def records_key(X, y) -> str:
+def records_key(X: Table, y: Table) -> str:
     """Return the hash of a table of inputs and one of outputs."""
     return content_key(*_table_bytes(X), *_table_bytes(y))
 
@@ -70,7 +73,7 @@ def _contents(path: Path) -> Iterator[str | bytes]:
         yield file.read_bytes()
 
 
-def _table_bytes(table) -> tuple[bytes, ...]:
+def _table_bytes(table: Table) -> tuple[bytes, ...]:
     table = as_table(table)
     if not isinstance(table, pd.DataFrame | pd.Series):
         array = np.asarray(table)
@@ -96,7 +99,7 @@ def _class_key(kind: type) -> dict[str, str]:
     return {name: text for name, text in said.items() if " at 0x" not in text}  # is no content
 
 
-def _said(value) -> str:
+def _said(value: object) -> str:
     """Return the definition of an entry of a class, as text."""
     functions = _functions(value)
     if functions:
@@ -104,10 +107,10 @@ def _said(value) -> str:
     return repr(sorted(value, key=repr) if isinstance(value, Set) else value)
 
 
-def _functions(value) -> list[FunctionType]:
+def _functions(value: object) -> list[FunctionType]:
     """Return the functions that an entry of a class contains."""
     if isinstance(value, property):
-        parts = [value.fget, value.fset, value.fdel]
+        parts: list[object] = [value.fget, value.fset, value.fdel]
     else:  # also of a class method, a static method or a cached property
         parts = [getattr(value, "__func__", getattr(value, "func", value))]
     return [part for part in parts if isinstance(part, FunctionType)]
@@ -121,7 +124,7 @@ def _function_key(function: FunctionType) -> tuple:
     return code, function.__defaults__, function.__kwdefaults__, held
 
 
-def _plain_option(name: str, value):
+def _plain_option(name: str, value: Any) -> Any:
     if value is None or isinstance(value, str | bool):
         return value
     if isinstance(value, Sequence) and all(isinstance(item, str) for item in value):

@@ -1,7 +1,7 @@
 """The diagnosis of many machines as an estimator: run in parallel, saved as they finish."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
@@ -208,7 +208,7 @@ class FleetDiagnosis(BaseEstimator):
             )
         return found
 
-    def _key(self, name: str, job) -> str:
+    def _key(self, name: str, job: tuple | list[str]) -> str:
         if isinstance(job, tuple):
             return records_key(*job)
         try:
@@ -252,7 +252,7 @@ class FleetDiagnosis(BaseEstimator):
             self.new_ = tuple(name for name in self.machines_ if name not in before)
             self.missing_ = tuple(name for name in before if name not in self.machines_)
 
-    def _spreads(self, machines) -> dict[str, ParameterSpread]:
+    def _spreads(self, machines: Iterable[Machine]) -> dict[str, ParameterSpread]:
         told = {m.name: m.found["parameters"] for m in machines if m.found is not None}
         found = {}
         for name in self.model.free_parameters:
@@ -358,7 +358,7 @@ class FleetDiagnosis(BaseEstimator):
         write_whole(Path(path), render_fleet(self, Path(path).parent))
 
 
-def _as_jobs(records) -> dict[str, tuple | list[str]]:
+def _as_jobs(records: Any) -> dict[str, tuple | list[str]]:
     """Return the (X, y) of every machine, or the list of its files."""
     if not isinstance(records, Mapping) or not records:
         raise RecordError(
@@ -367,7 +367,7 @@ def _as_jobs(records) -> dict[str, tuple | list[str]]:
     return {str(name): _as_job(str(name), item) for name, item in records.items()}
 
 
-def _as_job(name: str, item) -> tuple | list[str]:
+def _as_job(name: str, item: Any) -> tuple | list[str]:
     several = [item] if isinstance(item, str | os.PathLike) else item
     if isinstance(several, list | tuple) and several:
         if all(isinstance(path, str | os.PathLike) for path in several):

@@ -10,6 +10,7 @@ from typing import Any
 from urllib.parse import quote
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import UNUSABLE, DiagnosisWarning, RecordWarning
 from sklearn_pgnn.fleet.machine import Machine
@@ -53,7 +54,7 @@ class Job:
     sample_time: float | None
     with_page: bool
 
-    def run(self, name: str, records) -> Outcome:
+    def run(self, name: str, records: tuple | list[str]) -> Outcome:
         """Diagnose a machine by its (X, y) or its files; an error ends this machine only."""
         end_with_parent()
         began = time.process_time()
@@ -73,7 +74,7 @@ class Job:
         warned = tuple(dict.fromkeys(str(warning.message) for warning in told))
         return Outcome(name, seconds=time.process_time() - began, warned=warned, **parts)
 
-    def _diagnose(self, records) -> dict:
+    def _diagnose(self, records: tuple | list[str]) -> dict:
         files = records if isinstance(records, list) else []
         X, y = read_files(files, self.model, self.sample_time) if files else records
         diagnosis = ModelDiagnosis(self.model, **{**self.options, "n_jobs": 1}).fit(X, y)
@@ -86,7 +87,7 @@ class Job:
 class Store:
     """The folder of a fleet."""
 
-    def __init__(self, folder):
+    def __init__(self, folder: FilePath):
         self.folder = Path(folder)
 
     def place(self, name: str) -> Path:

@@ -4,13 +4,14 @@ import math
 from collections import Counter
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
 from markupsafe import Markup
 
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
-from sklearn_pgnn.fleet.machine import FAILED, SAID, Machine
+from sklearn_pgnn.fleet.machine import FAILED, SAID, FleetCause, Machine
 from sklearn_pgnn.fleet.one_machine import PAGE, Store
 from sklearn_pgnn.fleet.spread import ParameterSpread
 from sklearn_pgnn.inspection.cause_names import cause_name
@@ -26,12 +27,15 @@ from sklearn_pgnn.inspection.report.page import digest, render, style_sheet
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, strip
 from sklearn_pgnn.record_quality.finding import listed
 
+if TYPE_CHECKING:
+    from sklearn_pgnn.fleet.fleet_diagnosis import FleetDiagnosis
+
 #: a verdict's colour
 COLOUR = {VERDICTS["model_adequate"]: "good", FAILED: "bad"}
 HEADERS = ("Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the others", "Records")
 
 
-def render_fleet(fleet, folder: Path) -> str:
+def render_fleet(fleet: "FleetDiagnosis", folder: Path) -> str:
     """Return the report of a fleet as HTML, which links the machines' reports in its folder."""
     machines = list(fleet.machines_.values())
     style = style_sheet() + _source("fleet.css")
@@ -64,7 +68,7 @@ def _colour(said: str) -> str:
     return COLOUR.get(said, "look")
 
 
-def _changes(fleet) -> list[dict] | None:
+def _changes(fleet: "FleetDiagnosis") -> list[dict] | None:
     """Return the changes; None where there is no earlier fit."""
     if fleet.earlier is None:
         return None
@@ -79,7 +83,7 @@ def _changes(fleet) -> list[dict] | None:
 # -- a row a machine -------------------------------------------------------------------------------
 
 
-def _row(machine: Machine, fleet, folder: Path) -> dict:
+def _row(machine: Machine, fleet: "FleetDiagnosis", folder: Path) -> dict:
     page = Store(folder).place(machine.name) / PAGE
     told = machine.found is not None and page.exists()
     odd = []
@@ -127,7 +131,7 @@ def _faults(machine: Machine) -> str:
 # -- what the machines show together ---------------------------------------------------------------
 
 
-def _cause(cause) -> dict:
+def _cause(cause: FleetCause) -> dict:
     return {
         "name": cause_name(cause.effect, cause.target),
         "named": len(cause.machines),

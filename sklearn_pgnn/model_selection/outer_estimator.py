@@ -1,6 +1,7 @@
 """Estimators inside others: their parameters, and the methods that are delegated to them."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from sklearn.pipeline import Pipeline
@@ -9,7 +10,7 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 
-def parameters_named(estimator, name: str) -> dict[str, object]:
+def parameters_named(estimator, name: str) -> dict[str, Any]:
     """Return the parameters with a given own name, by full name, of an estimator and all in it."""
     found = estimator.get_params().items()
     return {full: value for full, value in found if full.rpartition("__")[2] == name}

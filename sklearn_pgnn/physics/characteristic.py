@@ -54,7 +54,7 @@ class Characteristic:
     law: sympy.Expr | None = None
     unit: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.shows not in SHOWN:
             raise ValueError(f"shows: expected one of {', '.join(SHOWN)}, got {self.shows!r}.")
         if self.shows == "force" and self.over is None:

@@ -6,7 +6,7 @@ sign is any number from -1 to 1 (Filippov): the rates are those of one side, of 
 between them, :math:`f = f_0 + B s` with :math:`B = (f|_{s=1} - f|_{s=-1})/2`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy
@@ -60,7 +60,7 @@ def dry_friction(model: PhysicsModel) -> DryFriction:
     return DryFriction(rows, tuple(_flow(row, states) for row in rows), signs)
 
 
-def _row(flow: sympy.Expr, states) -> tuple[tuple[float, ...], int] | None:
+def _row(flow: sympy.Expr, states: Sequence[sympy.Symbol]) -> tuple[tuple[float, ...], int] | None:
     """Return a linear form's coefficients, the first made 1, and its sign; None for others."""
     if not flow.free_symbols <= set(states):
         return None
@@ -72,7 +72,7 @@ def _row(flow: sympy.Expr, states) -> tuple[tuple[float, ...], int] | None:
     return tuple(float(c / first) for c in slopes), 1 if first > 0 else -1
 
 
-def _flow(row, states) -> sympy.Expr:
+def _flow(row: Sequence[float], states: Sequence[sympy.Symbol]) -> sympy.Expr:
     whole = (sympy.nsimplify(c, rational=True) for c in row)
     return sympy.Add(*(c * x for c, x in zip(whole, states, strict=True)))
 
@@ -90,7 +90,9 @@ def with_signs(expression: sympy.Expr, dry: DryFriction) -> sympy.Expr:
     return written
 
 
-def check_signs(rates: list[sympy.Expr], signs, dry: DryFriction, names: list[str]) -> None:
+def check_signs(
+    rates: list[sympy.Expr], signs: Sequence[sympy.Symbol], dry: DryFriction, names: list[str]
+) -> None:
     """Raise `ModelError` where a rate contains a product of two flows' signs."""
     for name, rate in zip(names, rates, strict=True):
         for i, s in enumerate(signs):

@@ -4,9 +4,9 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import sympy
 
@@ -29,7 +29,14 @@ ROLES = ("size", "shape", "end")
 BESIDE = 0.5
 
 
-def quantity(letter, unit, default=0.0, low=-math.inf, high=math.inf, role="size"):
+def quantity(
+    letter: str,
+    unit: str,
+    default: float = 0.0,
+    low: float = -math.inf,
+    high: float = math.inf,
+    role: str = "size",
+) -> Any:
     """Declare a physical parameter of an effect as a dataclass field.
 
     Parameters
@@ -366,7 +373,7 @@ class Effect(ABC):
         usual, first = starts[len(starts) // 2], cls.size_field()
         typical = cls.typical(target, model, scales)
 
-        def value(quantity, size):
+        def value(quantity: Field, size: float) -> float:
             about, name = quantity.metadata, quantity.name
             if about["role"] == "shape":
                 return getattr(usual, name)
@@ -513,7 +520,7 @@ class Effect(ABC):
         return reading("effect_latex")(self)
 
 
-def _end(quantity, usual: float, limits: tuple[float, float], size: float) -> float:
+def _end(quantity: Any, usual: float, limits: tuple[float, float], size: float) -> float:
     """Return an end: proportional for a range; for a rate, the usual one at half the size."""
     if "/s" in quantity.metadata["unit"] or "rate" in quantity.metadata["unit"]:
         return usual * (1.0 - size) / max(size, 1e-9)

@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
 from types import MappingProxyType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import sympy
 from sympy.printing.str import StrPrinter
@@ -47,7 +47,7 @@ _SEVERAL_ARGUMENTS = {"atan2": (2, 2), "max": (2, 20), "min": (2, 20)}
 CONSTANTS = {"pi": sympy.pi}
 #: what stands for the rate of a state in an output, as in der(v)
 RATE = "der"
-_UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_UNARY: dict[type, Callable] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 #: operators of Python that an equation may not use
 _OTHER_SIGNS = {
     ast.BitAnd: "&",
@@ -62,7 +62,12 @@ _OTHER_SIGNS = {
     ast.RShift: ">>",
 }
 #: operators that follow each other in one sum or one product
-_CHAINS = {ast.Add: sympy.Add, ast.Sub: sympy.Add, ast.Mult: sympy.Mul, ast.Div: sympy.Mul}
+_CHAINS: dict[type, Callable] = {
+    ast.Add: sympy.Add,
+    ast.Sub: sympy.Add,
+    ast.Mult: sympy.Mul,
+    ast.Div: sympy.Mul,
+}
 #: longest text and deepest nesting an equation may have
 MAX_LENGTH, MAX_DEPTH, MAX_EXPONENT = 10_000, 60, 100
 #: longest text of an expression that was derived, such as a rate by a mass matrix
@@ -88,7 +93,7 @@ def parse_expression(
     external: Mapping[str, type[External]] = MappingProxyType({}),
     let: Mapping[str, sympy.Expr] = MappingProxyType({}),
     longest: int = MAX_LENGTH,
-):
+) -> sympy.Expr:
     """Turn the text of an equation into a SymPy expression.
 
     `names` may appear, and ``t`` (time) and ``pi`` always; `external` are further functions
@@ -111,7 +116,9 @@ def parse_expression(
         raise ModelError(f"{where}: {_short(text)} is nested too deeply.") from None
 
 
-def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"):
+def standard_form(
+    expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"
+) -> sympy.Expr:
     """Return an expression in the form that parsing its own text yields.
 
     Two expressions with the same text are equal.
@@ -133,7 +140,7 @@ def _held(expression: sympy.Expr) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=16384)
-def _reread(expression: sympy.Expr, names: tuple[str, ...], where: str):
+def _reread(expression: sympy.Expr, names: tuple[str, ...], where: str) -> sympy.Expr:
     external = {call.func.__name__: call.func for call in expression.atoms(External)}
     text = _RereadPrinter().doprint(expression)
     return parse_expression(text, names, where, external, longest=MAX_DERIVED)
@@ -184,13 +191,20 @@ def _tower(expression: sympy.Expr) -> float:
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
-    def __init__(self, text: str, names: Collection[str], where: str, external=(), let=()):
+    def __init__(
+        self,
+        text: str,
+        names: Collection[str],
+        where: str,
+        external: Mapping[str, type[External]],
+        let: Mapping[str, sympy.Expr],
+    ):
         self.text, self.let, self.room = text, dict(let), MAX_LENGTH
         self.functions: dict[str, Callable] = {**FUNCTIONS, **dict(external)}
         self.names = {same_name(name): name for name in names}
         self.where = where
 
-    def expression(self, node: ast.expr):
+    def expression(self, node: ast.expr) -> sympy.Expr:
         """Translate a whole equation."""
         expression = self.translate(node, 0)
         if expression.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo, sympy.I):
@@ -209,16 +223,17 @@ class _Translator:
     def quote(self, node: ast.expr) -> str:
         return _short(ast.get_source_segment(self.text, node) or "")
 
-    def translate(self, node: ast.expr, depth: int):
+    def translate(self, node: ast.expr, depth: int) -> sympy.Expr:
         if depth > MAX_DEPTH:
             self.refuse(node, f"expected at most {MAX_DEPTH} nested operations")
-        translate = {
+        ways: dict[type, Callable[..., sympy.Expr]] = {
             ast.BinOp: self.binary,
             ast.UnaryOp: self.unary,
             ast.Call: self.call,
             ast.Name: self.name,
             ast.Constant: self.number,
-        }.get(type(node))
+        }
+        translate = ways.get(type(node))
         if translate is None:
             self.refuse(
                 node,
@@ -229,7 +244,7 @@ class _Translator:
         self.check_number(node, value)
         return value
 
-    def check_number(self, node, value):
+    def check_number(self, node: ast.expr, value: sympy.Expr) -> None:
         """Refuse numbers that a float cannot hold; the check at every node keeps them small."""
         number = value if value.is_number else value.as_coeff_Mul()[0]
         try:
@@ -239,11 +254,11 @@ class _Translator:
         if not math.isfinite(size) or (size == 0 and not number.is_zero):
             self.refuse(node, f"{self.quote(node)} has no finite real value")
 
-    def check_exponent(self, node, exponent):
+    def check_exponent(self, node: ast.expr, exponent: sympy.Expr) -> None:
         if exponent.is_number and abs(float(exponent)) > MAX_EXPONENT:
             self.refuse(node, f"expected an exponent of at most {MAX_EXPONENT}, got {exponent}")
 
-    def binary(self, node, depth):
+    def binary(self, node: ast.BinOp, depth: int) -> sympy.Expr:
         if type(node.op) in _CHAINS:
             return self.chain(node, depth)
         if not isinstance(node.op, ast.Pow):
@@ -252,13 +267,13 @@ class _Translator:
         self.check_power(node, base, exponent)
         return base**exponent
 
-    def chain(self, node, depth):
+    def chain(self, node: ast.BinOp, depth: int) -> sympy.Expr:
         """Translate a chain such as a + b - c at once, so that a long sum is not nested deeply.
 
         A product of many factors is also kept as written; SymPy would expand 2*(a + b).
         """
         together = _CHAINS[type(node.op)]
-        links = [node]
+        links: list[Any] = [node]
         while _CHAINS.get(type(getattr(links[-1].left, "op", None))) is together:
             links.append(links[-1].left)
         first, operands = links[-1].left, []
@@ -272,7 +287,7 @@ class _Translator:
             self.refuse(node, f"expected at most {MAX_FACTORS} factors, got {factors}")
         return together(*operands)
 
-    def operand(self, link, depth):
+    def operand(self, link: ast.BinOp, depth: int) -> sympy.Expr:
         """Return the operand that a link adds to a sum or multiplies into a product."""
         value = self.translate(link.right, depth)
         if isinstance(link.op, ast.Sub):
@@ -283,7 +298,7 @@ class _Translator:
             self.refuse(link, "division by zero")
         return 1 / value
 
-    def check_power(self, node, base, exponent):
+    def check_power(self, node: ast.expr, base: sympy.Expr, exponent: sympy.Expr) -> None:
         """Refuse a power before it is taken: SymPy raises whole numbers digit by digit."""
         self.check_exponent(node, exponent)
         together = _tower(base) * abs(float(exponent)) if exponent.is_number else 0.0
@@ -298,14 +313,14 @@ class _Translator:
             if bits * abs(float(exponent)) > MAX_BITS:
                 self.refuse(node, f"{self.quote(node)} has no finite real value")
 
-    def unary(self, node, depth):
+    def unary(self, node: ast.UnaryOp, depth: int) -> sympy.Expr:
         operation = _UNARY.get(type(node.op))
         if operation is None:
             sign = _OTHER_SIGNS[type(node.op)]
             self.refuse(node, f"operator {sign!r} is not allowed; use + or -")
         return operation(self.translate(node.operand, depth))
 
-    def call(self, node, depth):
+    def call(self, node: ast.Call, depth: int) -> sympy.Expr:
         name = node.func.id if isinstance(node.func, ast.Name) else None
         if name == RATE:
             return self.rate(node)
@@ -321,14 +336,14 @@ class _Translator:
             self.refuse(node, f"{name} takes {wanted} argument(s), got {len(node.args)}")
         return self.functions[name](*(self.translate(argument, depth) for argument in node.args))
 
-    def numbers_of_arguments(self, name) -> tuple[int, int]:
+    def numbers_of_arguments(self, name: str) -> tuple[int, int]:
         """Return the least and the largest number of arguments of a function."""
         if name in FUNCTIONS:
             return _SEVERAL_ARGUMENTS.get(name, (1, 1))
         count = len(self.functions[name].places)  # type: ignore[attr-defined]
         return count, count
 
-    def name(self, node, depth):
+    def name(self, node: ast.Name, depth: int) -> sympy.Expr:
         if node.id in CONSTANTS:
             return CONSTANTS[node.id]
         if node.id == "t":
@@ -343,7 +358,7 @@ class _Translator:
             self.refuse(node, f"unknown name {node.id!r}; known names are {known}")
         return symbol(self.names[node.id])
 
-    def rate(self, node) -> sympy.Expr:
+    def rate(self, node: ast.Call) -> sympy.Expr:
         """Return the rate of a state, written der(v)."""
         name = ast.unparse(node) if len(node.args) == 1 and not node.keywords else ""
         if name not in self.let:
@@ -352,14 +367,14 @@ class _Translator:
             )
         return self.written_out(node, name)
 
-    def written_out(self, node, name: str) -> sympy.Expr:
+    def written_out(self, node: ast.expr, name: str) -> sympy.Expr:
         """Return what a name stands for; names in names in names may stand for a lot."""
         self.room -= sum(1 for _ in sympy.preorder_traversal(self.let[name]))
         if self.room < 0:
             self.refuse(node, f"expected at most {MAX_LENGTH} operands when written out, got more")
         return self.let[name]
 
-    def number(self, node, depth):
+    def number(self, node: ast.Constant, depth: int) -> sympy.Expr:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
             self.refuse(node, f"{self.quote(node)} is not a number")
         if isinstance(node.value, int):
@@ -370,25 +385,25 @@ class _Translator:
 class _TextPrinter(StrPrinter):
     """SymPy's text, with the names of `FUNCTIONS` and every digit of a float."""
 
-    def _print_Float(self, expr):
+    def _print_Float(self, expr: sympy.Float) -> str:
         return repr(float(expr))
 
-    def _print_Function(self, expr):
+    def _print_Function(self, expr: sympy.Expr) -> str:
         names = {function: name for name, function in FUNCTIONS.items()}
         name = names.get(expr.func, expr.func.__name__)
         return f"{name}({', '.join(map(self._print, expr.args))})"
 
-    def _print_Abs(self, expr):
+    def _print_Abs(self, expr: sympy.Abs) -> str:
         return f"abs({self._print(expr.args[0])})"
 
-    def _print_LatticeOp(self, expr):
+    def _print_LatticeOp(self, expr: sympy.Expr) -> str:
         arguments = sorted(expr.args, key=sympy.default_sort_key)
         return f"{type(expr).__name__.lower()}({', '.join(map(self._print, arguments))})"
 
-    def _print_ExpBase(self, expr):
+    def _print_ExpBase(self, expr: sympy.exp) -> str:
         return f"exp({self._print(expr.exp)})"
 
-    def _print_Exp1(self, expr):
+    def _print_Exp1(self, expr: sympy.Expr) -> str:
         return "exp(1)"
 
 
@@ -398,7 +413,7 @@ class _RereadPrinter(_TextPrinter):
     printmethod = "_pythoncode"
 
 
-def to_text(expression) -> str:
+def to_text(expression: sympy.Basic) -> str:
     """Write an expression as text that `parse_expression` reads back to the same value.
 
     A call of an external function, which has no equation, is written for display only.

@@ -15,18 +15,21 @@ import math
 import pickle
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from itertools import count
 from pathlib import Path
 from types import FunctionType
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 from uuid import uuid4
 
 import numpy as np
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
 
 #: least size of an argument that a step of a difference quotient is measured by
 SMALL = 1e-2
@@ -52,7 +55,15 @@ class ExternalFunction:
     parameters. `token` identifies the function in every process; `external_function` chooses it.
     """
 
-    def __init__(self, call, name, arguments, results, n_parameters, token):
+    def __init__(
+        self,
+        call: Callable,
+        name: str,
+        arguments: Sequence[str],
+        results: Sequence[str],
+        n_parameters: int,
+        token: str,
+    ):
         self.call, self.name, self.token = call, name, token
         self.arguments, self.results = tuple(arguments), tuple(results)
         self.n_parameters = n_parameters
@@ -76,7 +87,7 @@ class ExternalFunction:
             _FAILURES.setdefault(f"{self.name}{line_of(self.call, error)}: {said_by(error)}")
             return self._nothing
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Callable, tuple]:
         return _restored, (
             self.call, self.name, self.arguments, self.results, self.n_parameters, self.token,
         )  # fmt: skip
@@ -98,14 +109,21 @@ def external_function(
     return _restored(call, name, arguments, results, n_parameters, key)
 
 
-def _restored(call, name, arguments, results, n_parameters, token) -> ExternalFunction:
+def _restored(
+    call: Callable,
+    name: str,
+    arguments: Sequence[str],
+    results: Sequence[str],
+    n_parameters: int,
+    token: str,
+) -> ExternalFunction:
     """Return the function of a token, which another process may have chosen."""
     if token not in _FUNCTIONS:
         _FUNCTIONS[token] = ExternalFunction(call, name, arguments, results, n_parameters, token)
     return _FUNCTIONS[token]
 
 
-def _content_of(call) -> str:
+def _content_of(call: Callable) -> str:
     """Return a hash of a callable's code and data; a random one if it has none."""
     content = io.BytesIO()
     try:
@@ -118,7 +136,7 @@ def _content_of(call) -> str:
 class _Content(pickle.Pickler):
     """Pickle functions with their code and the outside numbers that they read."""
 
-    def reducer_override(self, thing):
+    def reducer_override(self, thing: Any) -> Any:
         if not isinstance(thing, FunctionType):
             return NotImplemented
         code, around = thing.__code__, thing.__globals__
@@ -148,7 +166,7 @@ class External(sympy.Function):
 
     is_real = True
 
-    def fdiff(self, argindex=1):
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
         """Return the slope with respect to one argument."""
         known = getattr(self.function.call, "slope", None)
         if known is not None and not self.by:
@@ -156,7 +174,7 @@ class External(sympy.Function):
         by = tuple(sorted((*self.by, argindex - 1)))
         return external(self.function, self.result, self.places, by)(*self.args)
 
-    def _known_slope(self, found):
+    def _known_slope(self, found: tuple[ExternalFunction, int] | None) -> sympy.Expr:
         """Return the call of a slope that the function itself knows, or zero."""
         if found is None:
             return sympy.Integer(0)
@@ -170,7 +188,7 @@ class External(sympy.Function):
         return cls._slope(values, cls.by)
 
     @classmethod
-    def _slope(cls, values, by) -> float:
+    def _slope(cls, values: tuple[float, ...], by: Sequence[int]) -> float:
         if not by:
             return cls._value(values)
         *rest, i = by
@@ -185,7 +203,7 @@ class External(sympy.Function):
         return (behind - before) / (high - low)
 
     @classmethod
-    def _value(cls, values) -> float:
+    def _value(cls, values: tuple[float, ...]) -> float:
         point = [UNUSED] * len(cls.function.arguments)
         for place, value in zip(cls.places, values, strict=True):
             point[place] = value
@@ -200,7 +218,7 @@ class External(sympy.Function):
             label = f"d({label})/d({function.arguments[cls.places[i]]})"
         return label
 
-    def _split(self):
+    def _split(self) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
         """Return the arguments, and those that are parameters."""
         function = self.function
         first = len(function.arguments) - function.n_parameters
@@ -209,12 +227,12 @@ class External(sympy.Function):
 
     # SymPy's printers ask an expression for these
 
-    def _pythoncode(self, printer):
+    def _pythoncode(self, printer: Any) -> str:
         return f"{type(self).__name__}({', '.join(map(printer._print, self.args))})"
 
     _numpycode = _pythoncode
 
-    def _mathml_presentation(self, printer):
+    def _mathml_presentation(self, printer: Any) -> Any:
         row = printer.dom.createElement("mrow")
         label = printer.dom.createElement("mi")
         label.appendChild(printer.dom.createTextNode(self.label()))
@@ -222,17 +240,17 @@ class External(sympy.Function):
         row.appendChild(printer._print(sympy.Tuple(*self.args)))
         return row
 
-    def _sympystr(self, printer):
+    def _sympystr(self, printer: Any) -> str:
         parts = (", ".join(map(printer._print, part)) for part in self._split())
         return f"{self.label()}({'; '.join(filter(None, parts))})"
 
-    def _latex(self, printer, exp=None):
+    def _latex(self, printer: Any, exp: str | None = None) -> str:
         parts = (", ".join(map(printer._print, part)) for part in self._split())
         label = rf"\mathtt{{\text{{{self.label()}}}}}".replace("_", r"\_")
         power = "" if exp is None else f"^{{{exp}}}"
         return rf"{label}{power}\left({'; '.join(filter(None, parts))}\right)"
 
-    def __reduce_ex__(self, protocol):
+    def __reduce_ex__(self, protocol: Any) -> tuple[Callable, tuple]:
         return _called, (self.function, self.result, self.places, self.by, self.args)
 
 
@@ -244,9 +262,12 @@ def external(
 
 
 @cache
-def _class(function, result, places, by):
+def _class(
+    function: ExternalFunction, result: int, places: tuple[int, ...], by: tuple[int, ...]
+) -> type[External]:
     name = f"{_PREFIX}{next(_NUMBERS)}"
-    made = type(External)(
+    kind: Any = type(External)
+    made = kind(
         name, (External,), {"function": function, "result": result, "places": places, "by": by}
     )
     made._imp_ = staticmethod(_over_arrays(made))
@@ -254,15 +275,21 @@ def _class(function, result, places, by):
     return made
 
 
-def _called(function, result, places, by, arguments):
+def _called(
+    function: ExternalFunction,
+    result: int,
+    places: tuple[int, ...],
+    by: tuple[int, ...],
+    arguments: tuple[sympy.Expr, ...],
+) -> sympy.Expr:
     """Restore a call from its pickled form."""
     return external(function, result, places, by)(*arguments)
 
 
-def _over_arrays(made):
+def _over_arrays(made: type["External"]) -> Callable:
     """Return the function that NumPy calls in place of the class, number by number."""
 
-    def over(*values):
+    def over(*values: Any) -> np.ndarray:
         with np.errstate(invalid="ignore"):  # NaN is said to be one
             each = np.frompyfunc(lambda *one: made.number(*map(float, one)), len(values), 1)
             found = each(*values)
@@ -281,7 +308,7 @@ def calls_outside(text: str) -> bool:
     return _PREFIX in text
 
 
-def external_functions(expressions) -> tuple[ExternalFunction, ...]:
+def external_functions(expressions: Iterable[sympy.Basic]) -> tuple[ExternalFunction, ...]:
     """Return the external functions that expressions call.
 
     Each is there once.
@@ -291,7 +318,7 @@ def external_functions(expressions) -> tuple[ExternalFunction, ...]:
     return tuple(sorted(found, key=lambda function: function.token))
 
 
-def at_whole_points(expressions) -> list[sympy.Expr]:
+def at_whole_points(expressions: Sequence[sympy.Expr]) -> list[sympy.Expr]:
     """Give the calls of a function in expressions the same arguments, where possible.
 
     A call has the arguments that its result depends on. Where those of several results agree, each
@@ -323,13 +350,13 @@ def at_whole_points(expressions) -> list[sympy.Expr]:
     return [expression.xreplace(changed) for expression in expressions]
 
 
-def _with_point(call: External, point: dict):
+def _with_point(call: External, point: Mapping[int, sympy.Expr]) -> sympy.Expr:
     places = tuple(point)
     by = tuple(places.index(call.places[i]) for i in call.by)
     return external(call.function, call.result, places, by)(*point.values())
 
 
-def require_equations(model, what: str) -> None:
+def require_equations(model: "PhysicsModel", what: str) -> None:
     """Raise `ModelError` if a model calls functions that have no equations.
 
     `what` is the task that needs the equations, for the error message.
@@ -354,7 +381,7 @@ def take_failures() -> tuple[str, ...]:
     return failures
 
 
-def line_of(function, error: BaseException) -> str:
+def line_of(function: Callable, error: BaseException) -> str:
     """Return the line of a function's file in which an error was raised."""
     inner = getattr(function, "function", function)
     code = getattr(inner, "__code__", None)

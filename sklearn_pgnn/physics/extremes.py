@@ -1,9 +1,11 @@
 """Fast construction of the largest and the smallest of several expressions."""
 
+from collections.abc import Iterable
+
 import sympy
 
 
-def maximum(*values) -> sympy.Expr:
+def maximum(*values: sympy.Expr | float) -> sympy.Expr:
     """Return the largest of some values, without letting SymPy compare them.
 
     SymPy compares every pair by factoring their difference, which takes most of the time of
@@ -12,12 +14,12 @@ def maximum(*values) -> sympy.Expr:
     return extreme(sympy.Max, values)
 
 
-def minimum(*values) -> sympy.Expr:
+def minimum(*values: sympy.Expr | float) -> sympy.Expr:
     """Return the smallest of some values, see `maximum`."""
     return extreme(sympy.Min, values)
 
 
-def bounded(value, limit) -> sympy.Expr:
+def bounded(value: sympy.Expr | float, limit: sympy.Expr | float) -> sympy.Expr:
     """Return a value, kept between minus a limit and the limit.
 
     The limit is at least 0; see `maximum`.
@@ -30,7 +32,7 @@ def bounded(value, limit) -> sympy.Expr:
     return maximum(minimum(value, limit), -limit)
 
 
-def extreme(kind: type[sympy.Max | sympy.Min], values) -> sympy.Expr:
+def extreme(kind: type[sympy.Max | sympy.Min], values: Iterable[sympy.Expr | float]) -> sympy.Expr:
     """Return the largest or the smallest of some values.
 
     See `maximum`.

@@ -179,7 +179,12 @@ def always_positive(
     return 2 * len(known) >= DRAWS and min(known) > 0
 
 
-def _sign(expression, parameters, states, rng: np.random.Generator) -> float:
+def _sign(
+    expression: sympy.Expr,
+    parameters: Mapping[sympy.Symbol, float],
+    states: Collection[sympy.Symbol],
+    rng: np.random.Generator,
+) -> float:
     point = {p: value * (1 + NEAR * rng.uniform(-1, 1)) for p, value in parameters.items()}
     point |= {s: RANGE * rng.uniform(-1, 1) for s in sorted(states, key=str)}
     values = {s: sympy.Float(point.get(s, 1.0)) for s in expression.free_symbols}

@@ -24,7 +24,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import sympy
@@ -67,7 +67,7 @@ def lagrangian_parts(section: Mapping[str, Any], model: Mapping[str, Any]) -> di
 
     let = {**efforts.let, **_rates_of(efforts.let, coordinates)}
 
-    def read(given, *where: str) -> sympy.Expr:
+    def read(given: Any, *where: str) -> sympy.Expr:
         return as_expression(given, efforts.names(names), ("lagrangian", *where), let)
 
     kinetic, potential, dissipation = (read(section.get(part, 0), part) for part in ENERGIES)
@@ -82,7 +82,9 @@ def lagrangian_parts(section: Mapping[str, Any], model: Mapping[str, Any]) -> di
     return {**model, **together, "energy": motion.energy()}
 
 
-def _rates_of(let: Mapping[str, sympy.Expr], coordinates) -> dict[str, sympy.Expr]:
+def _rates_of(
+    let: Mapping[str, sympy.Expr], coordinates: Mapping[str, str]
+) -> dict[str, sympy.Expr]:
     """Return what ``der`` of a coordinate, or of a place that depends on some, stands for."""
     moving = {symbol(q): symbol(v) for q, v in coordinates.items()}
     places = {name: e for name, e in let.items() if not e.free_symbols & set(moving.values())}
@@ -108,7 +110,15 @@ def check_section(section: Mapping[str, Any]) -> None:
 class _Motion:
     """Coordinates, energies and forces, by the equations above."""
 
-    def __init__(self, coordinates, kinetic, potential, dissipation, acting, inputs):
+    def __init__(
+        self,
+        coordinates: Mapping[str, str],
+        kinetic: sympy.Expr,
+        potential: sympy.Expr,
+        dissipation: sympy.Expr,
+        acting: Mapping[str, sympy.Expr],
+        inputs: Iterable[str],
+    ):
         self.q = [symbol(name) for name in coordinates]
         self.v = [symbol(name) for name in coordinates.values()]
         self.kinetic, self.dissipation = kinetic, dissipation
@@ -194,7 +204,7 @@ def _waves(term: sympy.Expr) -> int:
     return power * sum(map(_waves, term.args))
 
 
-def _check_coordinates(coordinates, model) -> None:
+def _check_coordinates(coordinates: Mapping[str, str], model: Mapping[str, Any]) -> None:
     """Raise `ModelError` unless coordinates and velocities are states, each of them once."""
     where = "lagrangian.coordinates"
     pairs = as_mapping(where, coordinates)
@@ -217,7 +227,9 @@ def _check_coordinates(coordinates, model) -> None:
             )
 
 
-def _check_signals(energy: sympy.Expr, part: str, signals, parameters) -> None:
+def _check_signals(
+    energy: sympy.Expr, part: str, signals: Collection[str], parameters: Collection[str]
+) -> None:
     """Raise `ModelError` where an energy contains what the balance has no rate of."""
     strange = {s.name for s in energy.free_symbols - {TIME}} - {*signals, *parameters}
     if strange:

@@ -13,9 +13,9 @@ derivatives takes 0.3, 1.5 and 10 s.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy
@@ -39,6 +39,7 @@ TRIALS, ROUNDING = 8, 1e-9
 
 Row = tuple[sympy.Expr, ...]
 Matrix = tuple[Row, ...]
+_Items = tuple[tuple[str, sympy.Basic], ...]
 
 
 def solved_rates(
@@ -110,7 +111,7 @@ def rates_of_flow(inertia: Mapping[str, sympy.Basic], flow: sympy.Expr) -> dict[
 
 
 @lru_cache(maxsize=1024)
-def _is_column(flow: sympy.Expr, rates, inertia) -> bool:
+def _is_column(flow: sympy.Expr, rates: _Items, inertia: _Items) -> bool:
     """Return whether the rates of a port follow from its flow."""
     expected = rates_of_flow(dict(inertia), flow)
     return set(expected) == {state for state, _ in rates} and all(
@@ -177,7 +178,9 @@ def _blocks(inertia: Mapping[str, sympy.Basic]) -> list[tuple[tuple[str, ...], M
     return blocks
 
 
-def _reached(first: str, inertia, rows: tuple[str, ...]) -> tuple[str, ...]:
+def _reached(
+    first: str, inertia: Mapping[str, sympy.Basic], rows: tuple[str, ...]
+) -> tuple[str, ...]:
     """Return the states that entries of the matrix connect with one, in order."""
     if first not in rows:
         return (first,)
@@ -190,7 +193,7 @@ def _reached(first: str, inertia, rows: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in rows if name in found)
 
 
-def _row(entry: sympy.Basic, places) -> Row:
+def _row(entry: sympy.Basic, places: Sequence[int | None]) -> Row:
     return tuple(entry[i] for i in places) if isinstance(entry, sympy.Tuple) else (entry,)
 
 
@@ -215,7 +218,7 @@ def _inverse(matrix: Matrix) -> tuple[Row, Matrix]:
     return tuple(factor / determinant for factor in common), reduced
 
 
-def _minors(matrix: Matrix):
+def _minors(matrix: Matrix) -> Callable[[tuple[int, ...], tuple[int, ...]], sympy.Expr]:
     """Return the determinant of rows and columns, expanded by the first row."""
 
     @cache
@@ -249,7 +252,9 @@ def _common_factor(row: Sequence[sympy.Expr]) -> sympy.Expr:
 # -- what is refused -------------------------------------------------------------------------------
 
 
-def check_balance(part: str, inertia, forces, equations) -> None:
+def check_balance(
+    part: str, inertia: Mapping[str, Any], forces: Collection[str], equations: Collection[str]
+) -> None:
     """Raise `ModelError` unless every force has an inertia, and no rate is given twice."""
     other = BALANCES[part]
     for name in forces:
@@ -270,7 +275,7 @@ def check_balance(part: str, inertia, forces, equations) -> None:
         _check_forces(part, names, forces)
 
 
-def _check_rows(part: str, inertia) -> None:
+def _check_rows(part: str, inertia: Mapping[str, sympy.Basic]) -> None:
     rows = coupled(inertia)
     for name in rows:
         if len(inertia[name]) != len(rows):
@@ -295,7 +300,7 @@ def _check_block(part: str, names: tuple[str, ...], matrix: Matrix) -> None:
         )
 
 
-def _check_forces(part: str, names: tuple[str, ...], forces) -> None:
+def _check_forces(part: str, names: tuple[str, ...], forces: Collection[str]) -> None:
     """Raise `ModelError` for a block that has only a part of its forces."""
     other = BALANCES[part]
     given = [name for name in names if name in forces]
@@ -323,7 +328,13 @@ def check_matrix(
 
 
 @lru_cache(maxsize=256)
-def _check_tried(part, rows, matrix: Matrix, signals, values) -> None:
+def _check_tried(
+    part: str,
+    rows: tuple[str, ...],
+    matrix: Matrix,
+    signals: tuple[str, ...],
+    values: tuple[tuple[str, float], ...],
+) -> None:
     tried = _tried(matrix, signals, values)
     if not len(tried):
         return
@@ -342,7 +353,9 @@ def _check_tried(part, rows, matrix: Matrix, signals, values) -> None:
     )
 
 
-def _tried(matrix: Matrix, signals, values) -> np.ndarray:
+def _tried(
+    matrix: Matrix, signals: tuple[str, ...], values: tuple[tuple[str, float], ...]
+) -> np.ndarray:
     """Return the matrix at the parameters' values and some states, without those not finite."""
     names = [*(symbol(name) for name, _ in values), *map(symbol, signals)]
     function = sympy.lambdify(names, [list(row) for row in matrix], "numpy")
@@ -355,7 +368,7 @@ def _tried(matrix: Matrix, signals, values) -> np.ndarray:
     return np.array(real)
 
 
-def _check_symmetry(part, rows, matrix: Matrix, tried: np.ndarray) -> None:
+def _check_symmetry(part: str, rows: tuple[str, ...], matrix: Matrix, tried: np.ndarray) -> None:
     size = np.abs(tried).max(axis=(1, 2), keepdims=True)
     off = np.any(np.abs(tried - tried.transpose(0, 2, 1)) > ROUNDING * size, axis=0)
     for i, j in np.argwhere(np.triu(off)):

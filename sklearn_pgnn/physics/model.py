@@ -5,7 +5,7 @@ the outputs and ``p`` the parameters; the last axis of an array is the quantity,
 are samples.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -23,7 +23,7 @@ from sklearn_pgnn.physics.expressions import (
     symbol,
     to_text,
 )
-from sklearn_pgnn.physics.external import external_functions, require_equations
+from sklearn_pgnn.physics.external import ExternalFunction, external_functions, require_equations
 from sklearn_pgnn.physics.lagrangian import lagrangian_parts
 from sklearn_pgnn.physics.mass_matrix import (
     BALANCES,
@@ -178,7 +178,7 @@ class PhysicsModel:
     let: Mapping[str, Any] = field(default_factory=dict)
     ports: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         states = as_units("states", self.states)
         inputs = as_units("inputs", self.inputs or {})
         parameters = as_parameters(self.parameters or {})
@@ -210,7 +210,7 @@ class PhysicsModel:
         read["equations"] = _all_rates(read, states)
         rates = {f"{RATE}({state})": rate for state, rate in read["equations"].items()}
         read["outputs"] = as_expressions("outputs", outputs, known, {**efforts.let, **rates})
-        values = {
+        values: dict[str, Any] = {
             "name": as_text(str(self.name), ("name",)),
             "states": MappingProxyType(states),
             "inputs": MappingProxyType(inputs),
@@ -322,7 +322,7 @@ class PhysicsModel:
         return tuple(dict.fromkeys(function.name for function in self._external))
 
     @property
-    def _external(self):
+    def _external(self) -> tuple[ExternalFunction, ...]:
         return external_functions(self._expressions)
 
     @property
@@ -482,14 +482,14 @@ class PhysicsModel:
             return self.replace(parameters=parameters)
         return self._with_numbers(MappingProxyType(parameters))
 
-    def _with_numbers(self, parameters) -> "PhysicsModel":
+    def _with_numbers(self, parameters: Mapping[str, Parameter]) -> "PhysicsModel":
         """Return the model with the same parameters at other values, without further checks."""
         model = object.__new__(type(self))
         kept = {f.name: getattr(self, f.name) for f in fields(self)}
         model.__dict__.update(kept, parameters=parameters)
         return model
 
-    def __add__(self, effect):
+    def __add__(self, effect: Any) -> "PhysicsModel":
         apply = getattr(effect, "apply", None)
         return NotImplemented if apply is None else apply(self)
 
@@ -718,20 +718,20 @@ class PhysicsModel:
 
     # -- a value ---------------------------------------------------------------------------------
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         if not self._external:
             return self._parts()
         return self._parts() | self._given() | {"ports": self.declared_ports}
 
-    def __setstate__(self, state):
-        self.__init__(**state)
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        type(self).__init__(self, **state)
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, PhysicsModel):
             return NotImplemented
         return self.content() == other.content()
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(self.content())
 
     def content(self) -> str:
@@ -753,7 +753,7 @@ class PhysicsModel:
             object.__setattr__(self, "_written", repr(self._parts()) + tokens)
         return self.__dict__["_written"]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<PhysicsModel {self.name!r}: {', '.join(self.states)}>"
 
     def _repr_html_(self) -> str:
@@ -763,7 +763,7 @@ class PhysicsModel:
         return reading("model_latex")(self)
 
 
-def _all_rates(read, states) -> dict[str, sympy.Expr]:
+def _all_rates(read: Mapping[str, Any], states: Iterable[str]) -> dict[str, sympy.Expr]:
     """Return the rates of all states: those given, and those that follow from a balance."""
     rates = dict(read["equations"])
     for part, other in BALANCES.items():
@@ -774,7 +774,9 @@ def _all_rates(read, states) -> dict[str, sympy.Expr]:
 
 
 @lru_cache(maxsize=1024)
-def _kinematic_pairs(equations, inputs) -> dict[str, str]:
+def _kinematic_pairs(
+    equations: tuple[tuple[str, sympy.Expr], ...], inputs: tuple[str, ...]
+) -> dict[str, str]:
     states = dict(equations)
     moving, found = {symbol(name) for name in (*states, *inputs)}, {}
     for position, rate in equations:

@@ -9,9 +9,9 @@ import io
 import math
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
@@ -19,6 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import ModelError, ModelWarning, UnitWarning
 from sklearn_pgnn.physics.lagrangian import SECTION
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -41,7 +42,7 @@ _PLAIN_TAGS = {
 _NULL = "tag:yaml.org,2002:null"
 
 
-def read_model(path) -> PhysicsModel:
+def read_model(path: FilePath) -> PhysicsModel:
     """Read a model file.
 
     An error says ``FILE:LINE:COLUMN: what``; warnings tell of a parameter that no equation uses,
@@ -50,13 +51,13 @@ def read_model(path) -> PhysicsModel:
     return _Reader(os.fspath(path)).model()
 
 
-def robot_in(path) -> dict | None:
+def robot_in(path: FilePath) -> dict | None:
     """Return the section ``robot`` of a model file, None where it has none."""
     reader = _Reader(os.fspath(path))
     return reader.document(reader.root()).get("robot")
 
 
-def write_model(model: PhysicsModel, path=None) -> str:
+def write_model(model: PhysicsModel, path: FilePath | None = None) -> str:
     """Write a model as a model file.
 
     Return the YAML text; a file is replaced as a whole or not at all.
@@ -95,7 +96,7 @@ class _Reader:
         mark = None if node is None else node.start_mark
         self.refuse_at(mark, why)
 
-    def refuse_at(self, mark, why: str) -> NoReturn:
+    def refuse_at(self, mark: Any, why: str) -> NoReturn:
         line, column = (1, 1) if mark is None else _line_and_column(mark)
         raise ModelError(f"{self.path}:{line}:{column}: {' '.join(why.split())}") from None
 
@@ -205,7 +206,9 @@ class _Reader:
             self.refuse(node, f"{expected}, got the tag {str(node.tag)!r}.")
         return node
 
-    def items(self, node: Node, what: str = "", place: tuple[str, ...] = ()):
+    def items(
+        self, node: Node, what: str = "", place: tuple[str, ...] = ()
+    ) -> Iterator[tuple[str, Node]]:
         """Return keys and value nodes of a mapping; a repeated key is an error."""
         expected = f"{what}: expected names and values" if what else "expected a model"
         if not isinstance(self.plain(node, expected), MappingNode):
@@ -258,16 +261,18 @@ class _Reader:
 
     # -- sections ----------------------------------------------------------------------------------
 
-    def title(self, node, part):
+    def title(self, node: Node, part: str) -> str:
         return self.text_of(node, part)
 
-    def section(self, node, part, read) -> dict:
+    def section(self, node: Node, part: str, read: Callable[[Node, str], Any]) -> dict:
         """Read a mapping; a missing one is empty."""
         if str(node.tag) == _NULL:
             return {}
         return {key: read(value, f"{part}.{key}") for key, value in self.items(node, part, (part,))}
 
-    def named(self, node, part, of_name, read) -> dict:
+    def named(
+        self, node: Node, part: str, of_name: Callable[[str], str], read: Callable[[Node, str], str]
+    ) -> dict:
         """Read a mapping or a plain list of names."""
         if not isinstance(node, SequenceNode):
             return self.section(node, part, read)
@@ -280,28 +285,28 @@ class _Reader:
             found[name] = of_name(name)
         return found
 
-    def units(self, node, part):
+    def units(self, node: Node, part: str) -> dict[str, str]:
         return self.named(node, part, lambda name: "", self.unit)
 
-    def unit(self, node, what) -> str:
+    def unit(self, node: Node, what: str) -> str:
         text = self.scalar(node, f"{what}: expected a unit")
         return "" if str(node.tag) == _NULL else text
 
-    def outputs(self, node, part):
+    def outputs(self, node: Node, part: str) -> dict[str, str]:
         return self.named(node, part, lambda name: name, self.text_of)
 
-    def texts(self, node, part):
+    def texts(self, node: Node, part: str) -> dict[str, str]:
         return self.section(node, part, self.text_of)
 
-    def rows(self, node, part):
+    def rows(self, node: Node, part: str) -> dict[str, str | list[str]]:
         return self.section(node, part, self.text_or_row)
 
-    def text_or_row(self, node, what) -> str | list[str]:
+    def text_or_row(self, node: Node, what: str) -> str | list[str]:
         if not isinstance(node, SequenceNode):
             return self.text_of(node, what)
         return [self.text_of(item, what) for item in self.list_of(node, what)]
 
-    def lagrangian(self, node, part):
+    def lagrangian(self, node: Node, part: str) -> dict[str, Any]:
         found = {}
         for key, value in self.items(node, part, (part,)):
             if key not in SECTION:
@@ -311,7 +316,7 @@ class _Reader:
             found[key] = self.nested(value, part, key) if nested else self.text_of(value, key)
         return found
 
-    def robot(self, node, part):
+    def robot(self, node: Node, part: str) -> dict[str, Any]:
         found = {}
         for key, value in self.items(node, part, (part,)):
             if key not in _ROBOT:
@@ -322,24 +327,24 @@ class _Reader:
             self.refuse(self.places[part,], "robot: expected the key 'file', got none.")
         return found
 
-    def nested(self, node, part, key) -> dict[str, str]:
+    def nested(self, node: Node, part: str, key: str) -> dict[str, str]:
         """Read a mapping within a section."""
         entries = self.items(node, f"{part}.{key}", (part, key))
         return {name: self.text_of(value, f"{part}.{key}.{name}") for name, value in entries}
 
-    def numbers(self, node, part):
+    def numbers(self, node: Node, part: str) -> dict[str, float]:
         return self.section(node, part, self.finite)
 
-    def finite(self, node, what) -> float:
+    def finite(self, node: Node, what: str) -> float:
         value = self.number(node, what)
         if not math.isfinite(value):
             self.refuse(node, f"{what}: expected a finite number, got {value}.")
         return value
 
-    def simulation(self, node, part):
+    def simulation(self, node: Node, part: str) -> dict[str, str | int]:
         return self.section(node, part, self.setting)
 
-    def setting(self, node, what) -> str | int:
+    def setting(self, node: Node, what: str) -> str | int:
         text = self.text_of(node, what)
         if not what.endswith(".substeps"):
             return text
@@ -348,10 +353,10 @@ class _Reader:
         except ValueError:
             self.refuse(node, f"{what}: expected an integer >= 1, got {_shown(node)}.")
 
-    def parameters(self, node, part):
+    def parameters(self, node: Node, part: str) -> dict[str, dict]:
         return self.section(node, part, self.parameter)
 
-    def parameter(self, node, what) -> dict:
+    def parameter(self, node: Node, what: str) -> dict:
         if not isinstance(node, MappingNode):
             return {"value": self.number(node, what)}
         name = what.split(".", 1)[1]
@@ -366,21 +371,21 @@ class _Reader:
             self.refuse(self.places[("parameters", name)], f"{what}: expected a value, got none.")
         return found
 
-    def ports(self, node, part):
+    def ports(self, node: Node, part: str) -> dict[str, dict]:
         return self.section(node, part, self.port)
 
-    def port(self, node, what) -> dict:
+    def port(self, node: Node, what: str) -> dict:
         found, name = {}, what.split(".", 1)[1]
         for key, value in self.items(node, what, ("ports", name)):
             read = self.texts_of if key in ("rates", "outputs") else self.text_of
             found[key] = read(value, f"{what}.{key}")
         return found
 
-    def texts_of(self, node, what) -> dict:
+    def texts_of(self, node: Node, what: str) -> dict:
         place = tuple(what.split("."))
         return {key: self.text_of(n, f"{what}.{key}") for key, n in self.items(node, what, place)}
 
-    def bounds(self, node, what) -> tuple[float, ...]:
+    def bounds(self, node: Node, what: str) -> tuple[float, ...]:
         numbers = tuple(self.number(item, what) for item in self.list_of(node, what))
         if len(numbers) != 2:
             self.refuse(node, f"{what}: expected [low, high], got {len(numbers)} numbers.")
@@ -429,7 +434,7 @@ _PARAMETER = {
 }
 
 
-def _line_and_column(mark) -> tuple[int, int]:
+def _line_and_column(mark: Any) -> tuple[int, int]:
     return mark.line + 1, mark.column + 1
 
 

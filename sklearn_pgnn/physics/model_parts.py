@@ -1,7 +1,7 @@
 """The parts of a model as they are given: read, and refused where they are not valid."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields
 from numbers import Integral
 from typing import Any
@@ -30,7 +30,12 @@ MAX_TEXT = 1000
 MAX_SUBSTEPS, MAX_DERIVATIVES = 10_000, 50_000
 
 
-def as_expression(item, names, where, let: Mapping[str, sympy.Expr] | None = None) -> sympy.Expr:
+def as_expression(
+    item: Any,
+    names: tuple[str, ...],
+    where: tuple[str, ...],
+    let: Mapping[str, sympy.Expr] | None = None,
+) -> sympy.Expr:
     """Return an equation as an expression of known names, and of those that stand for one."""
     try:
         if isinstance(item, sympy.Expr):
@@ -42,10 +47,15 @@ def as_expression(item, names, where, let: Mapping[str, sympy.Expr] | None = Non
         raise ModelError(str(error), where) from None
 
 
-def as_expressions(part, items, names, let) -> dict[str, Any]:
+def as_expressions(
+    part: str,
+    items: Mapping[str, Any],
+    names: tuple[str, ...],
+    let: Mapping[str, sympy.Expr] | None,
+) -> dict[str, Any]:
     """Return a part as expressions of known names; a list of them is a row of a matrix."""
 
-    def entry(item, where):
+    def entry(item: Any, where: tuple[str, ...]) -> sympy.Basic:
         if part in ("inertia", "capacity") and isinstance(item, list | tuple | sympy.Tuple):
             return sympy.Tuple(*(as_expression(each, names, where, let) for each in item))
         return as_expression(item, names, where, let)
@@ -69,14 +79,14 @@ def texts(items: Mapping[str, sympy.Basic]) -> dict[str, Any]:
     }
 
 
-def as_mapping(part, items) -> dict:
+def as_mapping(part: str, items: Any) -> dict:
     """Return a part of a model as a mapping of names to values."""
     if not isinstance(items, Mapping):
         raise ModelError(f"{part}: expected names and values, got {items!r}.", (part,))
     return dict(items)
 
 
-def as_units(part, items) -> dict[str, str]:
+def as_units(part: str, items: Any) -> dict[str, str]:
     """Return units by name, empty where there is no unit."""
     return {
         name: as_text(str(unit or ""), (part, name))
@@ -100,7 +110,7 @@ def as_text(text: str, where: tuple[str, ...]) -> str:
     return text
 
 
-def as_state(name, value) -> float:
+def as_state(name: str, value: Any) -> float:
     """Return the initial value of a state."""
     try:
         number = float(value)
@@ -133,7 +143,7 @@ def as_simulation(settings: Mapping) -> dict:
     return found | ({"substeps": int(substeps)} if "substeps" in found else {})
 
 
-def as_parameter(name, value) -> Parameter:
+def as_parameter(name: str, value: Any) -> Parameter:
     """Return a parameter that is given as a `Parameter`, a mapping or a number."""
     if isinstance(value, Parameter):
         if value.name != name:
@@ -152,7 +162,7 @@ def as_parameter(name, value) -> Parameter:
     return Parameter(name, value)
 
 
-def as_parameters(parameters) -> dict[str, Parameter]:
+def as_parameters(parameters: Any) -> dict[str, Parameter]:
     """Return parameters by name."""
     if isinstance(parameters, Mapping):
         found = {name: as_parameter(name, value) for name, value in parameters.items()}
@@ -181,7 +191,7 @@ def parameter_dict(parameter: Parameter) -> dict:
 # -- what is refused -------------------------------------------------------------------------------
 
 
-def check_names(states, inputs, parameters) -> None:
+def check_names(states: Iterable[str], inputs: Iterable[str], parameters: Iterable[str]) -> None:
     """Raise `ModelError` unless every name is valid and used once."""
     seen: dict[str, str] = {}
     for what, names in (("state", states), ("input", inputs), ("parameter", parameters)):
@@ -195,7 +205,7 @@ def check_names(states, inputs, parameters) -> None:
             seen[same_name(name)] = f"{'an' if what == 'input' else 'a'} {what}"
 
 
-def check_size(states, parameters) -> None:
+def check_size(states: Collection[str], parameters: Collection[str]) -> None:
     """Raise `ModelError` unless the derivatives of the states fit into memory."""
     count = len(states) * (len(states) + len(parameters))
     if count > MAX_DERIVATIVES:
@@ -224,7 +234,9 @@ def check_inertia(read: Mapping[str, Mapping[str, sympy.Basic]]) -> None:
         )
 
 
-def check_settled(settled, states, inputs) -> None:
+def check_settled(
+    settled: Mapping[str, str] | None, states: Iterable[str], inputs: Iterable[str]
+) -> None:
     """Raise `ModelError` unless `settled` maps states to inputs, or to states that follow none."""
     check_keys("settled", settled, states)
     allowed = {*inputs, *states} - {*(settled or {})}
@@ -237,7 +249,12 @@ def check_settled(settled, states, inputs) -> None:
             )
 
 
-def check_columns(columns, states, inputs, outputs) -> None:
+def check_columns(
+    columns: Mapping[str, str] | None,
+    states: Iterable[str],
+    inputs: Iterable[str],
+    outputs: Iterable[str],
+) -> None:
     """Raise `ModelError` unless columns have names, none of them that of another quantity."""
     own = ("t", "trajectory", *inputs, *states)
     check_keys("columns", columns, dict.fromkeys((*own, *outputs)))
@@ -254,7 +271,7 @@ def check_columns(columns, states, inputs, outputs) -> None:
             )
 
 
-def check_keys(part: str, items, known: Iterable[str], complete: bool = False) -> None:
+def check_keys(part: str, items: Any, known: Iterable[str], complete: bool = False) -> None:
     """Raise `ModelError` unless a part has known names only, and all if it must be complete."""
     items = items or {}
     known = list(known)
@@ -271,7 +288,7 @@ def check_keys(part: str, items, known: Iterable[str], complete: bool = False) -
         raise ModelError(f"{part}: the equation of state {missing[0]!r} is missing.", (part,))
 
 
-def check_delays(delays, parameters) -> None:
+def check_delays(delays: Mapping[str, str] | None, parameters: Collection[str]) -> None:
     """Raise `ModelError` unless every delay is a parameter."""
     for delayed, delay in dict(delays or {}).items():
         if delay not in parameters:

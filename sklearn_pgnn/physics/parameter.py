@@ -72,7 +72,7 @@ class Parameter:
     fixed: bool = False
     spread: float = DEFAULT_SPREAD
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_name(self.name, "parameter")
         try:
             low, high = map(float, self.bounds)

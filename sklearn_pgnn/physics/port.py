@@ -164,7 +164,9 @@ class Port:
         return {key: part for key, part in parts.items() if part}
 
 
-def _forces_less(forces, effort: sympy.Expr, slopes: Mapping[str, sympy.Expr]) -> dict:
+def _forces_less(
+    forces: Mapping[str, sympy.Expr], effort: sympy.Expr, slopes: Mapping[str, sympy.Expr]
+) -> dict:
     """Subtract slope*effort from forces."""
     return {name: forces[name] - slope * effort for name, slope in slopes.items()}
 

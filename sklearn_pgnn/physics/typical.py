@@ -39,7 +39,7 @@ def typical_inertia(target: str, model: PhysicsModel, scales: Scales) -> float:
 
 
 class _OneIfUnknown(dict):
-    def __missing__(self, key):
+    def __missing__(self, key: str) -> float:
         return 1.0
 
 

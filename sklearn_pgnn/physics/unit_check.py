@@ -1,6 +1,7 @@
 """Check of the units of a model's equations, term by term."""
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import sympy
@@ -103,7 +104,13 @@ class _Check:
         unit = self.table.get(state)
         return None if unit is None else unit / read_unit("s")
 
-    def ask_balance(self, part: str, inertia, other: str, forces) -> None:
+    def ask_balance(
+        self,
+        part: str,
+        inertia: Mapping[str, sympy.Basic],
+        other: str,
+        forces: Mapping[str, sympy.Expr],
+    ) -> None:
         """Check forces, and the rows of a matrix, against the entry on the diagonal."""
         rows = coupled(inertia)
         for state, entry in inertia.items():
@@ -123,7 +130,7 @@ class _Check:
         mass, rate = self.measure(inertia), self.of_rate(state)
         return None if mass is None or rate is None else mass * rate
 
-    def ask(self, where: str, expression, expected: "Quantity | None") -> None:
+    def ask(self, where: str, expression: sympy.Expr, expected: "Quantity | None") -> None:
         """Record every term of an expression that differs from the expected measure."""
         if expression.is_number:
             return
@@ -146,7 +153,7 @@ class _Check:
                 f"{unit_text(flow)} is no power."
             )
 
-    def ask_terms(self, where, expression, expected) -> None:
+    def ask_terms(self, where: str, expression: sympy.Expr, expected: "Quantity | None") -> None:
         """Check every term of a sum or a bound; by default against what most of them measure."""
         if expected is None:
             known = self.measures(expression)
@@ -154,26 +161,27 @@ class _Check:
         for term in expression.args:
             self.ask(where, term, expected)
 
-    def sum_of(self, product):
+    def sum_of(self, product: sympy.Mul) -> sympy.Add | None:
         """Return the sum in a product, where there is one."""
         sums = [part for part in product.args if isinstance(part, sympy.Add)]
         return sums[0] if len(sums) == 1 else None
 
-    def ask_factor(self, where, product, inner, expected) -> None:
+    def ask_factor(
+        self, where: str, product: sympy.Mul, inner: sympy.Add, expected: "Quantity | None"
+    ) -> None:
         """Check the terms of a sum in a product against what remains after the other factors."""
         rest = product / inner
         others = self.measure(rest)
         for part in rest.args or (rest,):
             self.ask_inside(where, part)
-        known = expected is not None and others is not None
         number = not _is_bare(rest)
-        left = expected / others if known else None
+        left = None if expected is None or others is None else expected / others
         if left is not None and number:
             mine = self.measure(inner)
             left = left if mine is None or not is_like(mine, left) else None
         self.ask(where, inner, left)
 
-    def ask_inside(self, where, expression) -> None:
+    def ask_inside(self, where: str, expression: sympy.Expr) -> None:
         """Check the arguments of functions, and the parts of products and powers."""
         if isinstance(expression, _OF_NUMBERS):
             self.ask(where, expression.args[0], no_unit())
@@ -181,7 +189,7 @@ class _Check:
             for part in expression.args:
                 self.ask(where, part, None)
 
-    def compare(self, where, term, expected) -> None:
+    def compare(self, where: str, term: sympy.Expr, expected: "Quantity | None") -> None:
         """Record a term that measures something else, or the same in another unit."""
         got = self.measure(term)
         if got is None or expected is None:
@@ -198,7 +206,7 @@ class _Check:
             f"{unit_text(expected)}{why}."
         )
 
-    def measure(self, expression) -> "Quantity | None":
+    def measure(self, expression: sympy.Expr) -> "Quantity | None":
         """Return what an expression measures; None if unknown."""
         if expression.is_number:
             return None if expression.is_zero else no_unit()
@@ -212,12 +220,12 @@ class _Check:
             return next(iter(self.measures(expression)), None)
         return None if isinstance(expression, External) else no_unit()
 
-    def measures(self, expression) -> list["Quantity"]:
+    def measures(self, expression: sympy.Expr) -> list["Quantity"]:
         """Return what the terms of a sum or a bound measure; numbers take the terms' unit."""
         terms = [term for term in expression.args if not term.is_number]
         return [measure for term in terms if (measure := self.measure(term)) is not None]
 
-    def power(self, expression) -> "Quantity | None":
+    def power(self, expression: sympy.Pow) -> "Quantity | None":
         """Return what a power measures."""
         base = self.measure(expression.base)
         if base is None:
@@ -227,12 +235,12 @@ class _Check:
         return no_unit() if base == no_unit() else None
 
 
-def _short(term) -> str:
+def _short(term: sympy.Expr) -> str:
     """Return a term with every number rounded to four digits."""
     return to_text(term.xreplace({n: sympy.Float(f"{n:.4g}") for n in term.atoms(sympy.Float)}))
 
 
-def _is_bare(term) -> bool:
+def _is_bare(term: sympy.Expr) -> bool:
     """Whether a term has no number in front that may be a conversion; SymPy puts it into sums."""
     if term.is_Add:
         return any(map(_is_bare, term.args))

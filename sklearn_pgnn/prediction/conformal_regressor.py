@@ -127,7 +127,9 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         self._n_records = self._count_records(X, y, groups, held_out)
         return self
 
-    def _count_records(self, X, y, groups, held_out) -> int:
+    def _count_records(
+        self, X: Table, y: Table, groups: ArrayLike | None, held_out: np.ndarray
+    ) -> int:
         """Return the number of trajectories with errors, of the output that has fewest.
 
         Rows of a table without a time and without trajectories stand for themselves.
@@ -190,7 +192,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         warn_of_few_records(coverage, self._n_records)
         return interval_around(np.asarray(self.predict(X)), quantile_of(self._left, coverage))
 
-    def _splitter(self, X, y, groups):
+    def _splitter(self, X: Table, y: Table, groups: ArrayLike | None) -> Any:
         cv = self.cv
         if cv is None:
             pieces = read_pieces(X, groups, **columns_of(self.estimator, X))

@@ -1,6 +1,7 @@
 """The median of several fits of one regressor with different random numbers."""
 
 import warnings
+from collections.abc import Mapping
 from numbers import Integral
 from typing import Any, Self
 
@@ -18,6 +19,7 @@ from sklearn_pgnn.model_selection.outer_estimator import (
     method_of,
     parameters_named,
 )
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.validation import GapScoreMixin
 from sklearn_pgnn.user_line import warn_user
 
@@ -139,7 +141,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         self._warn_of_same_fits(X)
         return self
 
-    def _warn_of_same_fits(self, X) -> None:
+    def _warn_of_same_fits(self, X: Table) -> None:
         """Warn where the fits differ by rounding only, whose spread tells nothing.
 
         They predict one after the other until one differs: mostly that is the second.
@@ -163,7 +165,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
             )
 
     @property
-    def _first(self):
+    def _first(self) -> Any:
         return self.estimators_[0]
 
     def predict(self, X: Table, return_std: bool = False) -> Any:
@@ -187,22 +189,24 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         middle = np.median(each, axis=0)
         return (middle, np.std(each, axis=0)) if return_std else middle
 
-    def _ask(self, method: str, *args):
+    def _ask(self, method: str, *args: Any) -> np.ndarray:
         """Return the median over the fits of a method's result."""
         return np.median(self._each(method, *args), axis=0)
 
-    def _each(self, method: str, *args) -> np.ndarray:
+    def _each(self, method: str, *args: Any) -> np.ndarray:
         """Return a method's result for every fit."""
         check_is_fitted(self)
         with one_simulation_warning():
             found = [np.asarray(method_of(each, method)(*args)) for each in self.estimators_]
         return np.stack(found)
 
-    def _model_of_y(self):
+    def _model_of_y(self) -> PhysicsModel | None:
         models = parameters_named(self.estimator, "model").values()
         return next((model for model in models if model is not None), None)
 
 
-def _fit(estimator, seeds, X, y, fit_params):
+def _fit(
+    estimator: Any, seeds: Mapping[str, int], X: Table, y: Table, fit_params: Mapping[str, Any]
+) -> Any:
     """Fit a copy with its own random seeds."""
     return clone(estimator).set_params(**seeds).fit(X, y, **fit_params)

@@ -26,7 +26,10 @@ from sklearn_pgnn.trajectories.validation import check_model, validate_table
 from sklearn_pgnn.user_line import warn_user
 
 if TYPE_CHECKING:
+    from sklearn.utils import Tags
+
     from sklearn_pgnn.physics.model import PhysicsModel
+    from sklearn_pgnn.trajectories.record import Record
 
 
 class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
@@ -233,7 +236,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
                 f"(outputs=...), or nothing else (append=False)."
             )
 
-    def _kept_table(self, X: pd.DataFrame, records) -> pd.DataFrame:
+    def _kept_table(self, X: pd.DataFrame, records: tuple[Record, ...]) -> pd.DataFrame:
         """Return the columns of X that are passed on, states as they are in the first rows."""
         kept = self._on_own_clocks(X, records).iloc[:, self._kept()]
         if isinstance(self.append, str) or not self.append:
@@ -249,7 +252,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             held[X.columns[column]] = first[:, i]
         return held
 
-    def _on_own_clocks(self, X: pd.DataFrame, records) -> pd.DataFrame:
+    def _on_own_clocks(self, X: pd.DataFrame, records: tuple[Record, ...]) -> pd.DataFrame:
         """Return X with the time of the records: seconds that distinguish the trajectories."""
         names = self._column_names()
         called = time_name(names, self.time_column) or column_of(self.model, TIME, names) or TIME
@@ -287,13 +290,13 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         called = {TRAJECTORY, self.model.columns.get(TRAJECTORY, TRAJECTORY)}
         return called.intersection(self._column_names())
 
-    def __sklearn_tags__(self):
+    def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
         return tags
 
 
-def _warn_of_merging(records, named: str) -> None:
+def _warn_of_merging(records: tuple[Record, ...], named: str) -> None:
     """Warn where trajectories that have names are not distinguished by the time."""
     t = rows_in_order(records, np.concatenate([record.t for record in records]))
     by_time = [rows for _, rows in split_rows(t)]

@@ -8,12 +8,13 @@ and of the simulation are the same.
 
 import numpy as np
 
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.trajectories.outputs import read_outputs
 
 
-def limits_by_targets(model: PhysicsModel, simulated: np.ndarray, y) -> np.ndarray:
+def limits_by_targets(model: PhysicsModel, simulated: np.ndarray, y: Table) -> np.ndarray:
     """Return the magnitudes of the outputs beyond which a simulation has diverged.
 
     y are measured outputs, perhaps in another unit, or something else. The limits are those of the
@@ -36,7 +37,7 @@ def limits_by_targets(model: PhysicsModel, simulated: np.ndarray, y) -> np.ndarr
     return limits_of(measured) * np.maximum(unit, 1.0)
 
 
-def _as_outputs(model: PhysicsModel, y, n_samples: int) -> np.ndarray | None:
+def _as_outputs(model: PhysicsModel, y: Table, n_samples: int) -> np.ndarray | None:
     """Return the targets of a fit if they can be the model's outputs, else None."""
     try:
         return None if y is None else read_outputs(model, y, n_samples)

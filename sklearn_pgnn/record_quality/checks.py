@@ -1,12 +1,13 @@
 """Data quality: faults of the records, checked before any cause is named."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effects.differences import is_mark
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
 from sklearn_pgnn.record_quality.excitation import (
     find_blind_parameters,
@@ -106,7 +107,13 @@ def clipped_outputs(problem: EstimationProblem) -> tuple[str, ...]:
     return tuple(s.name for s in outputs if s.tells_equals and find_clipping(s))
 
 
-def _signals(model, quantities, windows: ShootingWindows, values, names) -> list[Signal]:
+def _signals(
+    model: PhysicsModel,
+    quantities: Iterable[str],
+    windows: ShootingWindows,
+    values: np.ndarray,
+    names: Sequence[str],
+) -> list[Signal]:
     cuts = windows.bounds[1:-1]
     times = np.split(windows.t, cuts)
     return [

@@ -90,7 +90,7 @@ def _jitter(signals: Sequence[Signal], record: int) -> Finding | None:
     )
 
 
-def _slope(signal, record: int) -> float:
+def _slope(signal: Signal, record: int) -> float:
     """Return the typical rate of change in a record, beyond what the noise makes."""
     steps = np.diff(signal.pieces[record])
     squares = steps[np.isfinite(steps)] ** 2

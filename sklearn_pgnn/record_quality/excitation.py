@@ -7,12 +7,13 @@ from itertools import pairwise
 import numpy as np
 
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.limits import SHARE, SINES, TWICE
 from sklearn_pgnn.record_quality.signals import Signal
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.state_estimate import free_run
-from sklearn_pgnn.simulation.window_fit import WindowFit
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 
@@ -95,7 +96,7 @@ def find_blind_parameters(problem: EstimationProblem, base: WindowFit) -> list[F
     return findings
 
 
-def _blind(name, share) -> Finding:
+def _blind(name: str, share: float) -> Finding:
     return Finding(
         "poor excitation",
         name,
@@ -133,7 +134,13 @@ def _states_under(fit: WindowFit, windows: ShootingWindows, other: ShootingWindo
     return x0
 
 
-def _shares_left(model, windows, x0, spread, freedoms) -> np.ndarray:
+def _shares_left(
+    model: PhysicsModel,
+    windows: ShootingWindows,
+    x0: np.ndarray,
+    spread: np.ndarray,
+    freedoms: Sequence[ParameterPrior],
+) -> np.ndarray:
     """Return the share of every parameter's prior variance that the windows leave."""
     gram = evaluate(model, windows, x0, tuple(f.name for f in freedoms)).gram
     normal = project(gram, len(freedoms), 1.0 / spread**2, np.zeros_like(x0))

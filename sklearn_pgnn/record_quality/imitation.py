@@ -1,5 +1,6 @@
 """Parameters and effects that act as an input does, if the input is a function of the states."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -53,7 +54,7 @@ def imitators(
     return tuple(sorted(found))
 
 
-def _rest(gain, columns) -> float:
+def _rest(gain: np.ndarray, columns: Sequence[np.ndarray]) -> float:
     """Return the power of what lies outside a span, up to rounding."""
     if not columns:
         return float(gain @ gain)
@@ -63,7 +64,9 @@ def _rest(gain, columns) -> float:
     return float(max(rest @ rest, np.finfo(float).eps * (gain @ gain)))
 
 
-def _directions(model, windows, x, name) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _directions(
+    model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, name: str
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return what a gain of an input, and what each part that does not contain it, changes."""
     u, acting = symbol(name), replace(windows, u=windows.acting_inputs(model))
     table = sample_table(model, acting, x)
@@ -73,7 +76,7 @@ def _directions(model, windows, x, name) -> tuple[np.ndarray, dict[str, np.ndarr
     expressions = list(chain(model.equations.values(), model.outputs.values()))
     scale = [_rms(evaluate_samples(e, thinned, size)) for e in expressions]
 
-    def column(slopes):
+    def column(slopes: Sequence[sympy.Expr]) -> np.ndarray:
         scaled = zip(slopes, scale, strict=True)
         return np.concatenate([evaluate_samples(e, thinned, size) / s for e, s in scaled])
 
@@ -87,7 +90,7 @@ def _directions(model, windows, x, name) -> tuple[np.ndarray, dict[str, np.ndarr
     return gain, parts
 
 
-def _parts(model: PhysicsModel):
+def _parts(model: PhysicsModel) -> Iterator[tuple[str, list[sympy.Expr]]]:
     """Yield the name, the slopes and the values of what may be off: parameters first."""
     for name in model.free_parameters:
         yield name, _slopes(model, name)
@@ -109,6 +112,6 @@ def _slopes(model: PhysicsModel, name: str) -> list[sympy.Expr]:
     return [sympy.diff(expression, symbol(name)) for expression in expressions]
 
 
-def _rms(values) -> float:
+def _rms(values: np.ndarray) -> float:
     """Return the root mean square, or 1 of what is always zero."""
     return float(np.sqrt(np.mean(values**2))) or 1.0

@@ -58,7 +58,9 @@ class JointTorques:
             yield from np.array(list(self.model.inputs))[self.driven[:, j]].tolist()
 
 
-def told_by_torques(model: PhysicsModel, records: tuple[Record, ...], levels) -> frozenset[str]:
+def told_by_torques(
+    model: PhysicsModel, records: tuple[Record, ...], levels: np.ndarray
+) -> frozenset[str]:
     """Return the channels that inverse dynamics of several joints shows to be wired right."""
     if not has_several_joints(model):
         return frozenset()
@@ -143,7 +145,9 @@ def ports_of_mechanism(model: PhysicsModel) -> list[Port]:
     return list(found.values())
 
 
-def _evaluated(model: PhysicsModel, ports: list[Port], x, u) -> tuple[np.ndarray, np.ndarray]:
+def _evaluated(
+    model: PhysicsModel, ports: list[Port], x: np.ndarray, u: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return rates and coefficients at samples: outputs of a model that stands still, compiled."""
     velocities = [str(port.flow) for port in ports]
     wanted = [model.equations[w] for w in velocities]

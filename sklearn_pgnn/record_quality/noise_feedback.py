@@ -43,7 +43,7 @@ def find_closed_loop(
     return None
 
 
-def _loop(output, source, correlation) -> Finding:
+def _loop(output: str, source: str, correlation: float) -> Finding:
     return Finding(
         "closed loop",
         source,
@@ -61,7 +61,7 @@ def _excess(rest: Signal) -> float:
     return float(1 - np.nanmean(steps**2) / 2 / np.nanmean(rest.values**2))
 
 
-def _innovations(pieces) -> list[np.ndarray]:
+def _innovations(pieces: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return what the past does not predict of a series; NaN where it is not known."""
     windows = [np.lib.stride_tricks.sliding_window_view(p, LAGS + 1) for p in pieces
                if p.size > LAGS]  # fmt: skip
@@ -81,7 +81,7 @@ def _innovations(pieces) -> list[np.ndarray]:
     return found
 
 
-def _follows(noise, news, chance) -> float:
+def _follows(noise: Sequence[np.ndarray], news: Sequence[np.ndarray], chance: float) -> float:
     """Return the largest correlation of noise with what an input brings next; 0 if by chance."""
     pairs = [_ahead(e, v) for e, v in zip(noise, news, strict=True) if e.size > LAGS]
     rows = np.concatenate([np.zeros((0, LAGS + 2)), *pairs])
@@ -98,7 +98,7 @@ def _follows(noise, news, chance) -> float:
     return float(np.abs(correlations).max()) if follows else 0.0
 
 
-def _ahead(noise, news) -> np.ndarray:
+def _ahead(noise: np.ndarray, news: np.ndarray) -> np.ndarray:
     """Return the noise of every sample beside what the input brings from there on."""
     future = np.lib.stride_tricks.sliding_window_view(news, LAGS + 1)
     return np.column_stack([noise[: len(future)], future])

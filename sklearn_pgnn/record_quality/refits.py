@@ -1,6 +1,6 @@
 """Faults that a refit shows: parameters that drift, and outputs before their inputs."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import compress, pairwise
 
@@ -15,7 +15,7 @@ from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.limits import ALPHA, FINE, SHARE, STEPS, TWICE
 from sklearn_pgnn.record_quality.signals import Signal, looks_like_noise
 from sklearn_pgnn.simulation.uncertainty import standard_errors
-from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import EachStep, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, relative_error
 
@@ -48,7 +48,11 @@ def differing(findings: Iterable[Finding], model: PhysicsModel) -> Finding | Non
 
 
 def find_drift(
-    problem: EstimationProblem, names, base: WindowFit, final: WindowFit, each_step=None
+    problem: EstimationProblem,
+    names: Sequence[str],
+    base: WindowFit,
+    final: WindowFit,
+    each_step: EachStep = None,
 ) -> Finding | None:
     r"""Find parameters that differ from record to record.
 
@@ -81,7 +85,14 @@ def find_drift(
     return _drift(problem, names, alone, errors)
 
 
-def _fit_alone(problem, base, expected, spread, group, each_step) -> WindowFit:
+def _fit_alone(
+    problem: EstimationProblem,
+    base: WindowFit,
+    expected: np.ndarray,
+    spread: np.ndarray,
+    group: np.ndarray,
+    each_step: EachStep,
+) -> WindowFit:
     known = base.model.parameters
     bounds = [known[freedom.name].bounds for freedom in base.freedoms]  # beyond the spread
     wide = zip(base.freedoms, bounds, strict=True)
@@ -97,7 +108,9 @@ def _fit_alone(problem, base, expected, spread, group, each_step) -> WindowFit:
     )
 
 
-def _put_together(base, alone, groups) -> WindowFit:
+def _put_together(
+    base: WindowFit, alone: Sequence[WindowFit], groups: Sequence[np.ndarray]
+) -> WindowFit:
     """Return the fits of single records as one of all."""
     gram = np.empty_like(base.evaluation.block_gram)
     residual = np.full_like(base.evaluation.residual, np.nan)
@@ -108,7 +121,7 @@ def _put_together(base, alone, groups) -> WindowFit:
     return replace(base, evaluation=replace(base.evaluation, block_gram=gram, residual=residual))
 
 
-def _removes_most(problem, final, together) -> bool:
+def _removes_most(problem: EstimationProblem, final: WindowFit, together: WindowFit) -> bool:
     """Return whether fits of single records leave less than half of what is above the noise."""
     rest = together.evaluation.residual / problem.windows.scale
     counts = np.isfinite(rest).sum(axis=0)
@@ -118,7 +131,12 @@ def _removes_most(problem, final, together) -> bool:
     return TWICE * (together.squares - floor) < max(final.squares - floor, 0.0)
 
 
-def _drift(problem, names, alone, errors) -> Finding:
+def _drift(
+    problem: EstimationProblem,
+    names: Sequence[str],
+    alone: Sequence[WindowFit],
+    errors: Sequence[Mapping[str, float]],
+) -> Finding:
     """Return the finding of the parameter that differs most, in units of its standard errors."""
     spreads = {}
     for freedom in alone[0].freedoms:
@@ -174,7 +192,7 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
 
 
 def find_early_output(
-    problem: EstimationProblem, base: WindowFit, final: WindowFit, each_step=None
+    problem: EstimationProblem, base: WindowFit, final: WindowFit, each_step: EachStep = None
 ) -> Finding | None:
     """Find outputs that respond before their input: the two were not recorded synchronously.
 
@@ -200,12 +218,17 @@ def find_early_output(
     )
 
 
-def _best_lead(problem, base, windows: ShootingWindows, each_step=None) -> tuple[int, WindowFit]:
+def _best_lead(
+    problem: EstimationProblem,
+    base: WindowFit,
+    windows: ShootingWindows,
+    each_step: EachStep = None,
+) -> tuple[int, WindowFit]:
     """Return by how many samples earlier inputs have the least error, and the fit with them."""
     fits = {0: base} if windows.hold == problem.windows.hold else {}
     sample_time = problem.scales.sample_time
 
-    def error(lead):
+    def error(lead: int) -> float:
         if lead not in fits:
             fits[lead] = _refit(problem, base, _earlier(windows, lead * sample_time), each_step)
         return fits[lead].objective
@@ -229,7 +252,9 @@ def _earlier(windows: ShootingWindows, time: float) -> ShootingWindows:
     return replace(windows, u=u)
 
 
-def _refit(problem, fit: WindowFit, windows: ShootingWindows, each_step) -> WindowFit:
+def _refit(
+    problem: EstimationProblem, fit: WindowFit, windows: ShootingWindows, each_step: EachStep
+) -> WindowFit:
     estimate = problem.states.estimate(fit.model)
     return fit_windows(
         fit.model,

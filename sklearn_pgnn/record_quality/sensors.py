@@ -1,5 +1,7 @@
 """Sensors: clipped, dead or coarse ones, repeated samples, and outliers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import binom, norm
 
@@ -42,13 +44,13 @@ def find_clipping(signal: Signal) -> Finding | None:
     )
 
 
-def _runs(mask: np.ndarray):
+def _runs(mask: np.ndarray) -> list[list[int]]:
     """Return where runs of true values begin and end."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
     return edges.reshape(-1, 2).tolist()
 
 
-def _is_cut(signal, piece, first, last) -> bool:
+def _is_cut(signal: Signal, piece: np.ndarray, first: int, last: int) -> bool:
     """Return whether a run of equal samples is longer than chance or rest make it."""
     if first < 1 or last == piece.size:  # a machine may rest before and after an experiment
         return False
@@ -61,7 +63,7 @@ def _is_cut(signal, piece, first, last) -> bool:
     return _has_kinks(piece, first, last, 3 * signal.resolution + 4 * signal.noise)
 
 
-def _has_kinks(piece, first, last, least) -> bool:
+def _has_kinks(piece: np.ndarray, first: int, last: int, least: float) -> bool:
     """Return whether a run begins and ends more sharply than the signal bends anywhere else.
 
     A machine at rest came there smoothly.
@@ -178,7 +180,7 @@ def _more_than_by_chance(signal: Signal) -> int:
     return int(sum(np.sum(repeats) for repeats in equal))
 
 
-def _share_of_equals(pieces, near: float) -> float:
+def _share_of_equals(pieces: Sequence[np.ndarray], near: float) -> float:
     """Return how many of the visits of values that lie near each other are visits of one value.
 
     Neighbours are left out; one pair is counted as equal, for what was not seen.

@@ -1,6 +1,6 @@
 """One measured quantity of all records: its noise and its resolution."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress
@@ -55,7 +55,7 @@ class Signal:
         return looks_like_noise(self.pieces, self.times)
 
     @property
-    def _timed(self):
+    def _timed(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         return zip(self.pieces, self.times, strict=True)
 
     @cached_property
@@ -112,7 +112,7 @@ class Signal:
         return f"{value:.4g} {self.unit}".rstrip()
 
 
-def looks_like_noise(pieces, times) -> bool:
+def looks_like_noise(pieces: Sequence[np.ndarray], times: Sequence[np.ndarray]) -> bool:
     """Return whether the finest differences alternate nearly everywhere, as those of noise do.
 
     Samples at the ends of the range are left out: a sensor may be cut there. What is finer than any

@@ -95,7 +95,7 @@ class StateRegression:
             law = best
         return law
 
-    def _of_all_states(self, u, x) -> StateLaw | None:
+    def _of_all_states(self, u: np.ndarray, x: np.ndarray) -> StateLaw | None:
         """Return the simplest law of all states that explains enough of an input."""
         states = tuple(self.states)
         now, before = (self.judge(u, x, StateLaw(states, lag=lag)) for lag in (0, 1))
@@ -106,7 +106,9 @@ class StateRegression:
                 return law
         return None
 
-    def judge(self, u: np.ndarray, x: np.ndarray, law: StateLaw, known=True) -> StateLaw:
+    def judge(
+        self, u: np.ndarray, x: np.ndarray, law: StateLaw, known: np.ndarray | bool = True
+    ) -> StateLaw:
         """Return a law of the same states with the held-out errors that it makes of an input."""
         kept = np.broadcast_to(known, u.shape)[self.rows]
         rows, fold, window = self.rows[kept], self.fold[kept], self.window[kept]
@@ -118,7 +120,9 @@ class StateRegression:
         errors = np.bincount(window, (target - predicted) ** 2 / power, minlength=window.max() + 1)
         return replace(law, errors=errors)
 
-    def _hold_out(self, features, target, fold, law) -> np.ndarray:
+    def _hold_out(
+        self, features: np.ndarray, target: np.ndarray, fold: np.ndarray, law: StateLaw
+    ) -> np.ndarray:
         """Return what is predicted of every fold by the others."""
         low, high = target.min(), target.max()
         between = (target > low) & (target < high)
@@ -131,7 +135,7 @@ class StateRegression:
                 predicted[out] = found.predict(features[out])
         return np.clip(predicted, low, high)
 
-    def _features(self, x, states) -> np.ndarray:
+    def _features(self, x: np.ndarray, states: tuple[str, ...]) -> np.ndarray:
         columns = dict(zip(self.states, x.T, strict=True))
         turned = [wave(columns[s]) for s in states if s in self.angles for wave in (np.sin, np.cos)]
         return np.column_stack([*(columns[s] for s in states), *turned])
@@ -183,13 +187,13 @@ def replay_inputs(
         yield ways
 
 
-def _free_runs(model: PhysicsModel, windows: ShootingWindows, x) -> np.ndarray:
+def _free_runs(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> np.ndarray:
     """Return the states of every record, simulated from where it begins."""
     spans = pairwise(windows.bounds)
     return np.concatenate([free_run(model, windows, a, b, x[a]).x for a, b in spans])
 
 
-def _at_speed(windows: ShootingWindows, speed: float, time: float):
+def _at_speed(windows: ShootingWindows, speed: float, time: float) -> tuple[np.ndarray, np.ndarray]:
     r"""Return the inputs at the time :math:`s t + (1 - s) T (1 - e^{-t/T})`, and where there are.
 
     At :math:`t = 0` nothing changes, and after some times :math:`T` the speed is :math:`s`.

@@ -12,7 +12,7 @@ and neither are the channels of a joint whose torque agrees with inverse dynamic
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -30,7 +30,7 @@ from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.joint_torques import told_by_torques, touches
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.record_windows import noise_levels, window_records
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, fit_windows
+from sklearn_pgnn.simulation.window_fit import EachStep, ParameterPrior, fit_windows
 from sklearn_pgnn.trajectories.record import Record
 
 #: how many times smaller the error must be for a wiring to be said; half of it, and a parameter or
@@ -85,7 +85,7 @@ def find_wiring(
     model: PhysicsModel,
     records: Sequence[Record],
     levels: np.ndarray | None = None,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> Rewired | None:
     """Find a wiring with which a model follows records that it does not follow as given."""
     levels = noise_levels(records) if levels is None else levels
@@ -160,7 +160,13 @@ class _Fit(NamedTuple):
 class _Trials:
     """The errors of a model on records, as given and as rewired, in units of the noise."""
 
-    def __init__(self, model: PhysicsModel, records: tuple[Record, ...], levels, each_step):
+    def __init__(
+        self,
+        model: PhysicsModel,
+        records: tuple[Record, ...],
+        levels: np.ndarray,
+        each_step: EachStep,
+    ):
         self.model, self.records, self.levels = model, records, levels
         self.each_step = each_step
 

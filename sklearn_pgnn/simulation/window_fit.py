@@ -25,6 +25,8 @@ from sklearn_pgnn.simulation.normal_equations import follow, project
 from sklearn_pgnn.simulation.stepping import OPTIONS
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
+#: called before each step of a fit; what is true tells it to end
+EachStep = Callable[[], bool | None] | None
 #: steps of a fit that is told to end
 HURRIED = 2
 #: first Levenberg-Marquardt damping, and its smallest and largest
@@ -105,7 +107,7 @@ def fit_windows(
     tolerance: float = 1e-5,
     prune_above: float = np.inf,
     precision: np.ndarray | None = None,
-    each_step: Callable[[], bool | None] | None = None,
+    each_step: EachStep = None,
 ) -> WindowFit:
     """Fit a model's parameters and every window's initial state."""
     each_step = each_step or _nothing

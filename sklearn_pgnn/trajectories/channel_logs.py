@@ -4,12 +4,18 @@ import os
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.trajectories.channels import Channel, ChannelLog
+
+if TYPE_CHECKING:
+    from asammdf import MDF
+    from rosbags.highlevel import AnyReader
 
 # -- automotive measurement files ------------------------------------------------------------------
 
@@ -45,7 +51,7 @@ class MdfLog(ChannelLog):
         with self._open() as file:
             return {title: self._channel(title, file) for title in titles}
 
-    def _channel(self, title: str, file) -> Channel:
+    def _channel(self, title: str, file: "MDF") -> Channel:
         group, number = self._places[title]
         signal = file.get(group=group, index=number).validate()
         values = np.asarray(signal.samples)
@@ -56,7 +62,7 @@ class MdfLog(ChannelLog):
             )
         return Channel(np.asarray(signal.timestamps, dtype=float), values.astype(float))
 
-    def _open(self):
+    def _open(self) -> "MDF":
         from asammdf import MDF
 
         return MDF(self.path)
@@ -112,19 +118,19 @@ class BagLog(ChannelLog):
             start = bag.start_time
         return {title: _channel(found, start) for title, found in rows.items()}
 
-    def _open(self):
+    def _open(self) -> "AnyReader":
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
         return AnyReader([Path(self.path)], default_typestore=get_typestore(Stores.LATEST))
 
 
-def is_bag_folder(path) -> bool:
+def is_bag_folder(path: FilePath) -> bool:
     """Return whether a path is the folder of a bag of ROS 2."""
     return os.path.isfile(os.path.join(path, METADATA))
 
 
-def numbers(message, path: str = "") -> Iterator[tuple[str, float]]:
+def numbers(message: object, path: str = "") -> Iterator[tuple[str, float]]:
     """Yield the numbers in a message, each with the path of its field.
 
     A path is ``/field``, and so on; the header is skipped.
@@ -140,7 +146,7 @@ def numbers(message, path: str = "") -> Iterator[tuple[str, float]]:
                 yield from numbers(getattr(message, name), f"{path}/{name}")
 
 
-def _stamp(message) -> int:
+def _stamp(message: object) -> int:
     """Return the time stamp of a message's header [ns], 0 if there is none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     return 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)

@@ -115,7 +115,9 @@ def _settled(path: str, title: str, channel: Channel) -> Channel:
     return kept
 
 
-def _covered(path, inputs, outputs) -> tuple[float, float]:
+def _covered(
+    path: str, inputs: Mapping[str, Channel], outputs: Mapping[str, Channel]
+) -> tuple[float, float]:
     """Return the time span in which all inputs were recorded; without inputs, any output."""
     spans = {title: (channel.t[0], channel.t[-1]) for title, channel in (inputs or outputs).items()}
     if not inputs:
@@ -137,7 +139,9 @@ def _covered(path, inputs, outputs) -> tuple[float, float]:
     return begin, end
 
 
-def _tell_what_is_left_out(path, outputs, begin: float, end: float) -> None:
+def _tell_what_is_left_out(
+    path: str, outputs: Mapping[str, Channel], begin: float, end: float
+) -> None:
     for title, channel in outputs.items():
         outside = float(np.mean((channel.t < begin) | (channel.t > end)))
         if outside > AT_THE_ENDS:

@@ -229,7 +229,7 @@ class ClockColumn:
 # -- the sample interval as given by a user --------------------------------------------------------
 
 
-def check_sample_interval(value, name: str = "interval", remedy: str = "") -> None:
+def check_sample_interval(value: float, name: str = "interval", remedy: str = "") -> None:
     """Raise `OptionError` unless a sample interval is a finite time above 0.
 
     It is in seconds; `remedy` is what the message proposes.

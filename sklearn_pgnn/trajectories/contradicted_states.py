@@ -1,9 +1,12 @@
 """Initial states that y contradicts: those that X gives, or those of the model where X has none."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.user_line import warn_user
 
 #: share of an output's deviation by which its first row may differ from the state it shows
@@ -14,7 +17,7 @@ ROUGH = 5.0
 UNKNOWN = "X: no initial state is given"
 
 
-def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
+def warn_of_contradicted_states(model: PhysicsModel, records: Sequence[Record]) -> None:
     """Warn where outputs that show a state begin elsewhere than X says, in most trajectories."""
     contradictions = []
     for i, state, names in _shown_states(model):
@@ -27,7 +30,7 @@ def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
         _warn_of_contradiction(*contradictions[0], [names for *_, names in contradictions[1:]])
 
 
-def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
+def warn_of_unknown_starts(model: PhysicsModel, records: Sequence[Record]) -> None:
     """Warn where X gives no initial state and most trajectories begin elsewhere than the model.
 
     A prediction starts them as the model says: nothing else is known before the measurements.
@@ -42,7 +45,9 @@ def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
             return  # the remedy is the same for the other outputs
 
 
-def warn_of_missing_starts(model: PhysicsModel, is_told: np.ndarray, records) -> None:
+def warn_of_missing_starts(
+    model: PhysicsModel, is_told: np.ndarray, records: Sequence[Record]
+) -> None:
     """Warn where a table to be predicted lacks initial states that every trajectory of a fit had.
 
     Nothing was learnt of where such a state usually starts; the model's own value is taken.
@@ -74,7 +79,7 @@ def warn_of_missing_starts(model: PhysicsModel, is_told: np.ndarray, records) ->
     )
 
 
-def told_in_all(records) -> np.ndarray:
+def told_in_all(records: Sequence[Record]) -> np.ndarray:
     """Return for every state whether all trajectories have its initial value.
 
     See `warn_of_missing_starts`.
@@ -89,22 +94,29 @@ def _shown_states(model: PhysicsModel) -> list[tuple[int, int, tuple[str, str]]]
     return [(i, states.index(what), (name, what)) for i, name, what in shown if what in states]
 
 
-def _elsewhere(records, i: int, asked, starts):
+def _elsewhere(
+    records: Sequence[Record], i: int, asked: Sequence[Record], starts: Sequence[float]
+) -> tuple[tuple[Record, float, float] | None, tuple[int, int]]:
     """Return the first record asked whose output begins elsewhere than it should, if most do.
 
     Return it with where it begins and where it should, or None; and the number of such records, and
     of those asked whose first sample was measured.
     """
-    pairs = zip(asked, starts, strict=True)
-    begun = [(r, float(r.y[0, i]), start) for r, start in pairs if np.isfinite(r.y[0, i])]
+    pairs = zip(asked, (np.asarray(r.y)[:, i] for r in asked), starts, strict=True)
+    begun = [((r, float(y[0]), start), y) for r, y, start in pairs if np.isfinite(y[0])]
     if not begun:
         return None, (0, 0)
-    spread = np.nanstd(np.concatenate([record.y[:, i] for record in records]))
-    others = [each for each in begun if abs(each[1] - each[2]) > _limit(each[0].y[:, i], spread)]
+    spread = float(np.nanstd(np.concatenate([np.asarray(record.y)[:, i] for record in records])))
+    others = [each for each, y in begun if abs(each[1] - each[2]) > _limit(y, spread)]
     return others[0] if 2 * len(others) > len(begun) else None, (len(others), len(begun))
 
 
-def _warn_of_contradiction(found, counts, names: tuple[str, str], others) -> None:
+def _warn_of_contradiction(
+    found: tuple[Record, float, float],
+    counts: tuple[int, int],
+    names: tuple[str, str],
+    others: Sequence[tuple[str, str]],
+) -> None:
     """Warn of an output that contradicts X, and name the others, whose remedy is the same."""
     first, begins, told = found
     more = [f"output {output!r} (state {state!r})" for output, state in others]
@@ -119,7 +131,9 @@ def _warn_of_contradiction(found, counts, names: tuple[str, str], others) -> Non
     )
 
 
-def _warn_of_unknown_start(found, counts, names: tuple[str, str]) -> bool:
+def _warn_of_unknown_start(
+    found: tuple[Record, float, float] | None, counts: tuple[int, int], names: tuple[str, str]
+) -> bool:
     """Warn of an output that begins elsewhere than the model; return whether there was one."""
     if found is None:
         return False

@@ -96,7 +96,7 @@ def read_csv(
     return open_csv(path, model, sample_time).read()
 
 
-def open_csv(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
+def open_csv(path: FilePath, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
     """Open a CSV file to inspect its header and columns."""
     return _CsvTable(os.fspath(path), model, sample_time)
 

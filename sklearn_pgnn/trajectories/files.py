@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -87,7 +87,7 @@ def read_file(
     return open_file(path, model, sample_time).read()
 
 
-def open_file(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
+def open_file(path: FilePath, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
     """Open a file of measured samples, by its file extension, to inspect its content."""
     path = os.fspath(path)
     log = _LOGS.get(".bag" if is_bag_folder(path) else Path(path).suffix.lower())
@@ -148,7 +148,15 @@ def read_files(
 class _FrameTable(FileTable):
     """A file with typed columns."""
 
-    def __init__(self, path, model, sample_time, kind, frame: pd.DataFrame, offset: int):
+    def __init__(
+        self,
+        path: str,
+        model: PhysicsModel,
+        sample_time: float | None,
+        kind: str,
+        frame: pd.DataFrame,
+        offset: int,
+    ):
         super().__init__(path, model, sample_time)
         self.kind, self.frame, self.offset = f"{kind} file", frame, offset
         self.header = [str(name).strip() for name in frame.columns]
@@ -179,7 +187,7 @@ class _FrameTable(FileTable):
 class _ChannelTable(_FrameTable):
     """A log of channels with separate clocks, of which only those the model needs are read."""
 
-    def __init__(self, log: ChannelLog, model, sample_time, kind: str):
+    def __init__(self, log: ChannelLog, model: PhysicsModel, sample_time: float | None, kind: str):
         titles = _loaded(log.path, kind, lambda: log.titles)
         super().__init__(log.path, model, sample_time, "", pd.DataFrame(columns=titles), 0)
         self.log, self.expected, self.kind = log, kind, kind.split(" ", 1)[1]
@@ -230,7 +238,7 @@ class _ChannelTable(_FrameTable):
 # -- files -----------------------------------------------------------------------------------------
 
 
-def _loaded(path: str, kind: str, load) -> Any:
+def _loaded(path: str, kind: str, load: Callable[[], Any]) -> Any:
     """Load a file, or raise `RecordError` for any error that a library raises on a broken file."""
     try:
         if not is_bag_folder(path):
@@ -305,7 +313,7 @@ def _is_hdf5(path: str) -> bool:
     return any(head[start:].startswith(_HDF5) for start in _STARTS)
 
 
-def _hdf5_content(group) -> dict:
+def _hdf5_content(group: Mapping[str, Any]) -> dict:
     """Return variables and structs; MATLAB's internal groups begin with ``#``."""
     content = {}
     for name, item in group.items():

@@ -10,10 +10,13 @@ too. The output of a ``MinMaxScaler``, inputs that were scaled without the time,
 standardised clock with uneven steps cannot be distinguished from ordinary records.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.user_line import warn_user
 
 #: tolerance of mean 0 and deviation 1 for a whole standardised column
@@ -31,7 +34,9 @@ REMEDY = (
 )
 
 
-def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False) -> None:
+def refuse_standardised(
+    model: PhysicsModel, records: Sequence[Record], *, energies: bool = False
+) -> None:
     """Refuse records that a scaler has stripped of their units.
 
     These are standardised times, or times and inputs that nearly are, as in a part of such a table.
@@ -55,7 +60,7 @@ def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False)
         _refuse_each(model, records, u)
 
 
-def warn_of_standardised_outputs(model: PhysicsModel, records) -> None:
+def warn_of_standardised_outputs(model: PhysicsModel, records: Sequence[Record]) -> None:
     """Warn of outputs that a scaler has stripped of their units, to which a model is fitted.
 
     Examples
@@ -81,7 +86,7 @@ def warn_of_standardised_outputs(model: PhysicsModel, records) -> None:
         )
 
 
-def _refuse_each(model, records, u) -> None:
+def _refuse_each(model: PhysicsModel, records: Sequence[Record], u: np.ndarray) -> None:
     """Refuse an input or an output that is exactly standardised over all records."""
     columns = {f"input {name!r}": u[:, i] for i, name in enumerate(model.inputs)}
     if records[0].y is not None:
@@ -95,7 +100,7 @@ def _refuse_each(model, records, u) -> None:
             )
 
 
-def _are_standardised_together(t, u) -> bool:
+def _are_standardised_together(t: np.ndarray, u: np.ndarray) -> bool:
     """Whether one scaler changed the time and all inputs, at least one of them not constant."""
     common = _scalers(t)
     for column in u.T:
@@ -103,14 +108,14 @@ def _are_standardised_together(t, u) -> bool:
     return bool(common) and bool(u.any())
 
 
-def _is_standardised(values) -> bool:
+def _is_standardised(values: np.ndarray) -> bool:
     """Whether a whole column is standardised and does not run between levels set by hand."""
     if values.size < FEWEST or not _scalers(values):
         return False
     return not (_is_round(values.min()) and _is_round(values.max()))
 
 
-def _scalers(values) -> set[str]:
+def _scalers(values: np.ndarray) -> set[str]:
     """Name the scalers that yield such a column; all of them map a constant to 0."""
     found, is_zero = set(), not values.any()
     if abs(values.mean()) < EXACT and (is_zero or abs(values.std() - 1) < EXACT):
@@ -121,7 +126,7 @@ def _scalers(values) -> set[str]:
     return found
 
 
-def _has_set_clock(records) -> bool:
+def _has_set_clock(records: Sequence[Record]) -> bool:
     """Whether the steps or their rate are a round number, or the steps are uneven."""
     steps = np.concatenate([np.diff(record.t) for record in records])
     if not steps.size:
@@ -131,12 +136,12 @@ def _has_set_clock(records) -> bool:
     return not even or _is_round(step) or _is_round(1 / step)
 
 
-def _is_round(value) -> bool:
+def _is_round(value: float) -> bool:
     """Whether a number has few digits, like one set by hand."""
     return bool(abs(float(f"{value:.{DIGITS}g}") - value) < 1e-9 * abs(value)) or value == 0
 
 
-def _is_nearly(values) -> bool:
+def _is_nearly(values: np.ndarray) -> bool:
     """Whether a column may be a part of a standardised one."""
     spread = values.std()
     return bool(abs(values.mean()) < PART_MEAN and 1 / PART_FACTOR < spread < PART_FACTOR)

@@ -4,12 +4,13 @@ Statistics are taken column by column: over the rows of a narrow table NumPy tak
 long.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.user_line import warn_user
 
 
@@ -55,7 +56,7 @@ def spans_of(y: np.ndarray) -> np.ndarray:
 SEVERAL = 8
 
 
-def constant_outputs(records) -> np.ndarray:
+def constant_outputs(records: Sequence[Record]) -> np.ndarray:
     """Return which outputs have no two different values in a record; they tell nothing of noise.
 
     The result has shape (n_records, n_outputs), and is also true for outputs that were not
@@ -70,10 +71,10 @@ def constant_outputs(records) -> np.ndarray:
     >>> constant_outputs(records).tolist()
     [[False], [True]]
     """
-    return ~(np.array([spans_of(record.y) for record in records]) > 0)
+    return ~(np.array([spans_of(np.asarray(record.y)) for record in records]) > 0)
 
 
-def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
+def remarks_on_dead_outputs(model: PhysicsModel, records: Sequence[Record]) -> list[str]:
     """Return remarks on outputs that change in some records, and in others not though inputs do.
 
     Each has its remedy.
@@ -91,12 +92,12 @@ def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
     if not still.any():
         return []
     driven = np.array([not model.inputs or bool(np.ptp(r.u, axis=0).any()) for r in records])
-    measured = np.array([np.isfinite(r.y).sum(axis=0) >= SEVERAL for r in records])
+    measured = np.array([np.isfinite(np.asarray(r.y)).sum(axis=0) >= SEVERAL for r in records])
     said = []
     for i, name in enumerate(model.outputs):
         dead = np.flatnonzero(still[:, i] & measured[:, i] & driven)
         if dead.size and not still[:, i].all():
-            where = ", ".join(_place(model, name, records[r], i) for r in dead)
+            where = ", ".join(_place(model, name, records[r], i) for r in dead.tolist())
             said.append(
                 f"output {name!r} has one value only throughout {where}: it changes in other "
                 f"trajectories, and there inputs change. Remedy: if its sensor was dead, leave the "
@@ -106,12 +107,14 @@ def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
     return said
 
 
-def _place(model, name, record, i: int) -> str:
-    value = float(np.nanmax(record.y[:, i]))
+def _place(model: PhysicsModel, name: str, record: Record, i: int) -> str:
+    value = float(np.nanmax(np.asarray(record.y)[:, i]))
     return f"trajectory {record.name!r} ({value:.4g} {model.unit(name)}".rstrip() + ")"
 
 
-def warn_of_constant_outputs(model: PhysicsModel, records, *, noise_is_told=False) -> None:
+def warn_of_constant_outputs(
+    model: PhysicsModel, records: Sequence[Record], *, noise_is_told: bool = False
+) -> None:
     """Warn of outputs that never change: in some records, or in all, where no noise is known.
 
     `noise_is_told` is whether the noise of the outputs need not be estimated.

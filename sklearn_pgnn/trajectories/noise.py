@@ -79,7 +79,7 @@ def relative_error(size: int, order: int = ORDERS[0]) -> float:
     return float(np.sqrt(0.5 * np.sqrt(np.pi * order / 2) / max(size, 1)))
 
 
-def _finest(y, clock) -> tuple[np.ndarray, float]:
+def _finest(y: np.ndarray, clock: np.ndarray) -> tuple[np.ndarray, float]:
     """Raise the order of the differences while the residue, also returned, falls significantly."""
     best = _divided_differences(y, clock, ORDERS[0])
     least = _strength(best)
@@ -92,7 +92,7 @@ def _finest(y, clock) -> tuple[np.ndarray, float]:
     return best, least
 
 
-def _strength(differences) -> float:
+def _strength(differences: np.ndarray) -> float:
     """Return the standard deviation of normal values with a few outliers; inf for none.
 
     Jumps and corners of a signal are few: values beyond some multiple of the median are left out.
@@ -104,7 +104,7 @@ def _strength(differences) -> float:
     return float(np.sqrt(np.mean(near**2)) / INSIDE)
 
 
-def _clocks(y, t) -> list[np.ndarray]:
+def _clocks(y: np.ndarray, t: np.ndarray | None) -> list[np.ndarray]:
     """Return the indices of the known samples, and their times if the clock is uneven."""
     known = np.flatnonzero(np.isfinite(y))
     if t is None or known.size < 2:
@@ -113,7 +113,7 @@ def _clocks(y, t) -> list[np.ndarray]:
     return [known] if np.ptp(steps) < EVEN * steps.mean() else [known, t[known]]
 
 
-def _divided_differences(y, clock, order: int) -> np.ndarray:
+def _divided_differences(y: np.ndarray, clock: np.ndarray, order: int) -> np.ndarray:
     """Return the divided differences of the known samples, their weights scaled to norm one."""
     known = y[np.isfinite(y)]
     if known.size <= order:
@@ -130,7 +130,7 @@ def _divided_differences(y, clock, order: int) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def _weights(clock, order: int) -> np.ndarray:
+def _weights(clock: np.ndarray, order: int) -> np.ndarray:
     r"""Return the weights of divided differences, of shape (order + 1, n_samples - order).
 
     They follow from :math:`[t_i, \dots, t_{i+m}] = ([t_{i+1}, \dots, t_{i+m}]
@@ -146,7 +146,7 @@ def _weights(clock, order: int) -> np.ndarray:
     return weights / np.linalg.norm(weights, axis=0)
 
 
-def _least_passed(y) -> np.ndarray:
+def _least_passed(y: np.ndarray) -> np.ndarray:
     """Filter each half of an even record as fitted to the other half; parabolas never pass."""
     places = _whole_windows(y)
     half = places.size // 2
@@ -160,13 +160,13 @@ def _least_passed(y) -> np.ndarray:
     return np.concatenate(filtered)
 
 
-def _whole_windows(y) -> np.ndarray:
+def _whole_windows(y: np.ndarray) -> np.ndarray:
     """Return the starts of the windows of a given length whose samples are all known."""
     unknown = np.concatenate([[0], np.cumsum(~np.isfinite(y))])
     return np.flatnonzero(unknown[TAPS:] == unknown[:-TAPS])
 
 
-def _least_direction(y, places, straight) -> np.ndarray:
+def _least_direction(y: np.ndarray, places: np.ndarray, straight: np.ndarray) -> np.ndarray:
     """Return the combination that is smallest on the windows that begin at these indices.
 
     It is their last right singular vector.
@@ -176,7 +176,7 @@ def _least_direction(y, places, straight) -> np.ndarray:
     return np.linalg.svd(rows)[2][-1]
 
 
-def _filtered(y, places, weights) -> np.ndarray:
+def _filtered(y: np.ndarray, places: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the weighted sums of the windows that begin at increasing indices."""
     first = places[0]
     return np.correlate(y[first : places[-1] + TAPS], weights, "valid")[places - first]

@@ -7,12 +7,13 @@ targets. If y were read by name, all of these could compare one output with anot
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.tables import as_pandas, column_of, once, read_numbers
 
 
-def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
+def read_outputs(model: PhysicsModel | None, y: Table, n_samples: int) -> np.ndarray:
     """Read the measured outputs, NaN where there is no value.
 
     The outputs are in the model's order, and its `columns` give their names in the table; without a
@@ -38,7 +39,7 @@ def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
     return values
 
 
-def refuse_other_order(X, y) -> None:
+def refuse_other_order(X: Table, y: Table) -> None:
     """Raise `RecordError` where y has the index of X in another order: rows are read by place.
 
     Examples

@@ -12,9 +12,12 @@ A record's time counts from its first sample, whatever its clock showed. If the 
 equations contain the time, it is used as given.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.annotations import ArrayLike, Column, Table
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
@@ -46,7 +49,13 @@ def of_files(X: pd.DataFrame) -> pd.DataFrame:
 
 
 def read_records(
-    model: PhysicsModel, X, y=None, *, time_column=None, allow_unmeasured=False, to_fit=True
+    model: PhysicsModel,
+    X: Table,
+    y: Table = None,
+    *,
+    time_column: Column | None = None,
+    allow_unmeasured: bool = False,
+    to_fit: bool = True,
 ) -> tuple[Record, ...]:
     """Read a table of samples as records of a model.
 
@@ -112,7 +121,7 @@ def read_records(
     return tuple(records)
 
 
-def split_rows(t: np.ndarray, names=None) -> list[tuple[str, np.ndarray]]:
+def split_rows(t: np.ndarray, names: ArrayLike | None = None) -> list[tuple[str, np.ndarray]]:
     """Find the trajectories of a table.
 
     Parameters
@@ -165,7 +174,7 @@ def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray
 # -- columns ---------------------------------------------------------------------------------------
 
 
-def _as_table(model: PhysicsModel, X, time_column) -> pd.DataFrame:
+def _as_table(model: PhysicsModel, X: Table, time_column: Column | None) -> pd.DataFrame:
     """Return the relevant columns under the model's own names; X is not modified."""
     X = as_table(X, time_column)
     if is_named(X):
@@ -176,7 +185,7 @@ def _as_table(model: PhysicsModel, X, time_column) -> pd.DataFrame:
     return _from_array(model, array, 0 if time_column is None else time_column)
 
 
-def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column) -> pd.DataFrame:
+def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column: Column | None) -> pd.DataFrame:
     """Find every quantity by its column name in the table, else by its own name."""
     found = {}
     told = time_name(X.columns, time_column)
@@ -194,7 +203,7 @@ def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column) -> pd.DataFra
     return pd.DataFrame(found, index=X.index, copy=False)  # which is only read
 
 
-def _from_array(model: PhysicsModel, array: np.ndarray, time_column) -> pd.DataFrame:
+def _from_array(model: PhysicsModel, array: np.ndarray, time_column: Column) -> pd.DataFrame:
     names = [*model.inputs]
     width = array.shape[1] - 1
     if width == len(names) + len(model.states):
@@ -226,7 +235,7 @@ def _inputs(model: PhysicsModel, table: pd.DataFrame) -> np.ndarray:
     return np.column_stack(columns) if columns else np.zeros((len(table), 0))
 
 
-def _states(model: PhysicsModel, table: pd.DataFrame, firsts) -> np.ndarray:
+def _states(model: PhysicsModel, table: pd.DataFrame, firsts: Sequence[int]) -> np.ndarray:
     """Read the states in the first row of every trajectory, NaN where there is no value."""
     states = np.full((len(firsts), len(model.states)), np.nan)
     first = table.iloc[firsts]

@@ -1,16 +1,19 @@
 """Tables of any library as pandas ones: their clocks, their numbers, and which column is which."""
 
+from collections.abc import Collection
+
 import narwhals.stable.v1 as nw
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.annotations import ArrayLike, Column, Table
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 
 TIME = "t"
 
 
-def as_table(X, time_column=None):
+def as_table(X: Table, time_column: Column | None = None) -> Table:
     """Return a DataFrame of any library as a pandas one, with its clock as a column.
 
     An index of dates or of time differences becomes the column ``t``, if X has no such column and
@@ -32,7 +35,7 @@ def as_table(X, time_column=None):
     return table
 
 
-def as_pandas(X):
+def as_pandas(X: Table) -> Table:
     """Return a DataFrame or Series of any library as a pandas one, anything else unchanged.
 
     Its numbers get native byte order, the only one that pandas reads.
@@ -54,7 +57,9 @@ def as_pandas(X):
     return X
 
 
-def _in_native_order(X):
+def _in_native_order(
+    X: pd.DataFrame | pd.Series | np.ndarray,
+) -> pd.DataFrame | pd.Series | np.ndarray:
     """Return numbers in native byte order; a table that has only such numbers unchanged."""
     if isinstance(X, pd.DataFrame):
         other = {i: _native(X.iloc[:, i]) for i, d in enumerate(X.dtypes) if _is_foreign(d)}
@@ -65,15 +70,15 @@ def _in_native_order(X):
     return _native(X) if _is_foreign(X.dtype) else X
 
 
-def _is_foreign(dtype) -> bool:
+def _is_foreign(dtype: object) -> bool:
     return isinstance(dtype, np.dtype) and not dtype.isnative
 
 
-def _native(values):
+def _native(values: pd.Series | np.ndarray) -> pd.Series | np.ndarray:
     return values.astype(values.dtype.newbyteorder("="))
 
 
-def as_columns(values) -> np.ndarray:
+def as_columns(values: ArrayLike) -> np.ndarray:
     """Return numbers with one column per output; a plain sequence becomes one column.
 
     The numbers are in double precision.
@@ -87,7 +92,7 @@ def as_columns(values) -> np.ndarray:
     return values.reshape(len(values), -1)
 
 
-def take_rows(table, rows):
+def take_rows(table: Table, rows: np.ndarray) -> Table:
     """Return some rows of a table.
 
     They are a table of the same type.
@@ -150,7 +155,7 @@ def read_numbers(column: pd.Series, what: str) -> np.ndarray:
 SIMULATED = "_phy"
 
 
-def column_of(model: PhysicsModel, name: str, columns) -> str | None:
+def column_of(model: PhysicsModel, name: str, columns: Collection[str]) -> str | None:
     """Return the name of the column that holds a quantity, or None if there is none.
 
     The name may be ``t`` or ``trajectory``, too; the model's `columns` give the names in the table.
@@ -165,7 +170,7 @@ def column_of(model: PhysicsModel, name: str, columns) -> str | None:
     return next((each for each in (called, name) if each in columns), None)
 
 
-def time_name(columns, time_column):
+def time_name(columns: Collection[str], time_column: Column | None) -> str | None:
     """Return the name of the column that `time_column` refers to; a number is its position.
 
     None is returned unchanged.
@@ -180,7 +185,7 @@ def time_name(columns, time_column):
     return list(columns)[place_of(time_column, len(columns))]
 
 
-def place_of(time_column, width: int) -> int:
+def place_of(time_column: Column, width: int) -> int:
     """Return the position of the time among the columns.
 
     A negative number counts from the last column.
@@ -197,7 +202,7 @@ def place_of(time_column, width: int) -> int:
     return int(time_column) % width
 
 
-def is_named(table) -> bool:
+def is_named(table: Table) -> bool:
     """Return whether a table has columns with names.
 
     An array has none, nor has a DataFrame whose columns are numbered.

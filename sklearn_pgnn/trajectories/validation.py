@@ -4,7 +4,7 @@ from os import PathLike
 
 import numpy as np
 import pandas as pd
-from sklearn.base import RegressorMixin
+from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.metrics import r2_score
 from sklearn.utils import Tags
 from sklearn.utils.validation import validate_data
@@ -16,7 +16,7 @@ from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
 from sklearn_pgnn.trajectories.tables import as_table, is_named
 
 
-def check_model(model, *, optional: bool = False) -> None:
+def check_model(model: object, *, optional: bool = False) -> None:
     """Raise `TypeError` unless the parameter ``model`` is a `PhysicsModel`.
 
     Examples
@@ -36,12 +36,12 @@ PhysicsModel.from_yaml('model.yaml').
     raise TypeError(f"model: expected {expected}, got {got}. Remedy: {call}.")
 
 
-def _short(value) -> str:
+def _short(value: object) -> str:
     text = repr(str(value) if isinstance(value, PathLike) else value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def require_target(estimator, X, y) -> None:
+def require_target(estimator: BaseEstimator, X: Table, y: Table) -> None:
     """Raise `ValueError` if `fit` got no y, in scikit-learn's words, or the rows in another order.
 
     Examples
@@ -59,7 +59,7 @@ def require_target(estimator, X, y) -> None:
     refuse_other_order(X, y)
 
 
-def refuse_fit_params(estimator, fit_params: dict) -> None:
+def refuse_fit_params(estimator: BaseEstimator, fit_params: dict) -> None:
     """Raise `OptionError` for weights of samples, and `TypeError` for what `fit` does not know.
 
     In `fit_params` None stands for nothing.
@@ -88,7 +88,7 @@ all measured samples alike. Remedy: leave it out; a sample whose y is NaN does n
         )
 
 
-def validate_table(estimator, X, *, reset: bool):
+def validate_table(estimator: BaseEstimator, X: Table, *, reset: bool) -> Table:
     """Refuse invalid tables, and store or compare the number and the names of the columns.
 
     With `reset` (in `fit`) the estimator receives `n_features_in_` and, for a DataFrame,
@@ -165,7 +165,7 @@ class GapScoreMixin(RegressorMixin):
         return getattr(self, "model", None)
 
 
-def _mean_score(measured, predicted, weight) -> float:
+def _mean_score(measured: np.ndarray, predicted: np.ndarray, weight: np.ndarray | None) -> float:
     scores = [
         r2_score(y[seen], y_hat[seen], sample_weight=None if weight is None else weight[seen])
         for y, y_hat in zip(measured.T, predicted.T, strict=True)

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+import pandas as pd
+
 from sklearn_pgnn.cli.inputs import positive
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.channel_kinds import usual_kind
@@ -103,14 +105,16 @@ def _guess(table: FileTable, name: str, unit: str, shared: Sequence[str]) -> dic
     return {"column": title, "unit": unit_of(title) or below or unit}
 
 
-def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping):
+def read_mapped(
+    model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Read files as the X and y of a model, by a mapping of its quantities to their columns."""
     sample_time = _sample_time(mapping)
     _check(model, mapping, sample_time)
     plain = model.replace(columns={})
     labels = {file["file"]: file["label"] for file in files}
 
-    def opened(path, model, sample_time):
+    def opened(path: str, model: PhysicsModel, sample_time: float | None) -> FileTable:
         table = _open({"file": path, "label": labels[path]}, model, sample_time)
         table.header = _renamed(table.header, mapping)
         table.units, table.path = {}, labels[path]

@@ -4,9 +4,12 @@ import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
+from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns, with_kinds
 from sklearn_pgnn.cli.app.page import render
 from sklearn_pgnn.cli.diagnose import fit_kept, write_results
@@ -18,7 +21,7 @@ from sklearn_pgnn.datasets import make_cart
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import ModelError, ModelWarning
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.first_look import first_look
+from sklearn_pgnn.inspection.first_look import FirstLook, SeenRecord, first_look
 from sklearn_pgnn.inspection.numbers import fit_text, number, typeset_unit
 from sklearn_pgnn.inspection.report import Provenance, SourceFile
 from sklearn_pgnn.inspection.report.curves_section import in_sight, input_plot
@@ -31,7 +34,9 @@ from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.physics.effects import CoulombFriction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import robot_in
+from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.record import Record
 
 MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")
 RESULT, LOOK = Path("result"), Path("look.html")
@@ -40,7 +45,7 @@ FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
 _HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
 
 
-def draw_look(model: PhysicsModel, X, y) -> str:
+def draw_look(model: PhysicsModel, X: Table, y: Table) -> str:
     """Return how the model as given follows the records: warnings, a table, and every record."""
     seen = first_look(model, X, y)
     records = read_records(model, X, y)
@@ -69,7 +74,7 @@ def draw_look(model: PhysicsModel, X, y) -> str:
     )
 
 
-def _fits(record, seen) -> str:
+def _fits(record: SeenRecord, seen: FirstLook) -> str:
     """Return the fit of one record among several, by output; of one, the table tells."""
     if len(seen.records) == 1:
         return ""
@@ -77,12 +82,12 @@ def _fits(record, seen) -> str:
     return f", fit {fits}"
 
 
-def _plots(model: PhysicsModel, record, run) -> list[tuple[str, Markup]]:
+def _plots(model: PhysicsModel, record: Record, run: Simulation) -> list[tuple[str, Markup]]:
     """Return the plots of a record: every output, measured and simulated, then the inputs."""
     x = Scale.over(record.t, room=0)
     plots = []
     for i, name in enumerate(model.outputs):
-        y, simulated = record.y[:, i], run.y[:, i]
+        y, simulated = np.asarray(record.y)[:, i], run.y[:, i]
         plot = Plot(x, in_sight(y, [simulated]), f"{name} measured and simulated", "medium")
         plot.line(record.t, y, "measured", "measured")
         plot.line(record.t, simulated, "prior", "model as given")
@@ -159,13 +164,15 @@ def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
     return seen_columns(PhysicsModel.from_yaml(MODEL), files)
 
 
-def _read(files, mapping) -> tuple:
+def _read(files: Sequence[Mapping], mapping: Mapping) -> tuple:
     """Return the model and the records as they were mapped."""
     model = with_kinds(PhysicsModel.from_yaml(MODEL), mapping)
     return model, *read_mapped(model, files, mapping)
 
 
-def look(progress: Callable, files, mapping, options) -> dict:
+def look(
+    progress: Callable, files: Sequence[Mapping], mapping: Mapping, options: Mapping[str, Any]
+) -> dict:
     """Plot the records together with the model as given."""
     progress("reading the records")
     model, X, y = _read(files, mapping)
@@ -174,7 +181,13 @@ def look(progress: Callable, files, mapping, options) -> dict:
     return {}
 
 
-def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
+def diagnose(
+    progress: Callable,
+    files: Sequence[Mapping],
+    mapping: Mapping,
+    options: Mapping[str, Any],
+    label: str,
+) -> dict:
     """Diagnose, write the files of the result, and return the data for display."""
     progress("reading the model and the records")
     model, X, y = _read(files, mapping)

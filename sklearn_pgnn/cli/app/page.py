@@ -2,6 +2,7 @@
 
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 from markupsafe import Markup
 
@@ -15,7 +16,7 @@ from sklearn_pgnn.inspection.report.page import templates_of
 PIECES = ("model", "records", "columns", "seen", "work", "result")
 
 
-def render(name: str, **content) -> str:
+def render(name: str, **content: Any) -> str:
     """Return a template of the page, filled with its content."""
     return templates_of(source).get_template(name).render(**content)
 

@@ -50,7 +50,7 @@ class Stages:
     total: int = 1
     best: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self._stage_began = self.began
 
     def step(self, told: dict) -> None:

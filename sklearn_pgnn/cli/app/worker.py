@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic
+from typing import TextIO
 
 from sklearn_pgnn.cli.app.jobs import JOBS
 from sklearn_pgnn.cli.app.work import MEMORY, NO_MEMORY
@@ -26,7 +27,7 @@ EVERY = 0.1
 class Answers:
     """Writes answers, a line each."""
 
-    def __init__(self, stream):
+    def __init__(self, stream: TextIO):
         self.stream = stream
         self._stage, self._last = "", 0.0
 

@@ -229,7 +229,7 @@ def _kinds_of(kind: type) -> Iterator[type]:
         yield from _kinds_of(derived)
 
 
-def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
+def read_catalogue(catalogue: Iterable[type[Effect] | str] | None) -> tuple[type[Effect], ...]:
     """Return the effects that a parameter ``catalogue`` stands for.
 
     Examples

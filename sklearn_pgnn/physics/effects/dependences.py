@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -226,7 +226,7 @@ class ParameterSaturation(ParameterDependence):
         return {"bend": (-0.5 / peak, GROWN / peak)}
 
 
-def _coefficients(model) -> dict[str, tuple[sympy.Expr, ...]]:
+def _coefficients(model: PhysicsModel) -> dict[str, tuple[sympy.Expr, ...]]:
     """Return the parameters in which the rates are linear, with the derivatives by them."""
     found = {}
     for name in model.free_parameters:
@@ -237,11 +237,11 @@ def _coefficients(model) -> dict[str, tuple[sympy.Expr, ...]]:
     return found
 
 
-def _any_has(expressions, signal: str) -> bool:
+def _any_has(expressions: Iterable[sympy.Expr], signal: str) -> bool:
     return any(expression.has(symbol(signal)) for expression in expressions)
 
 
-def _others(model, linear) -> Iterator[str]:
+def _others(model: PhysicsModel, linear: Collection[str]) -> Iterator[str]:
     """Yield the parameters that the rates are not linear in, or that only outputs hold."""
     held = {s for mass in model.inertia.values() for s in mass.free_symbols}
     used = {s for e in (*model.equations.values(), *model.outputs.values()) for s in e.free_symbols}
@@ -250,25 +250,25 @@ def _others(model, linear) -> Iterator[str]:
             yield name
 
 
-def _differ(model, name: str, signal: str) -> bool:
+def _differ(model: PhysicsModel, name: str, signal: str) -> bool:
     """Return whether a parameter and a signal are not two temperatures."""
     unit = model.parameters[name].unit
     return unit not in ABSOLUTE or unit != model.unit(signal)
 
 
-def _divided(model, name: str) -> tuple[str, ...]:
+def _divided(model: PhysicsModel, name: str) -> tuple[str, ...]:
     """Return the states in whose rates a parameter stands."""
     return tuple(state for state, rate in model.equations.items() if rate.has(symbol(name)))
 
 
-def _is_capacity(model, name: str) -> bool:
+def _is_capacity(model: PhysicsModel, name: str) -> bool:
     """Return whether a parameter divides whole rates, and acts in no other way."""
     p, rates = symbol(name), [model.equations[state] for state in _divided(model, name)]
     divides = all(sympy.expand(rate.diff(p) * p + rate) == 0 for rate in rates)
     return bool(rates) and divides and not _any_has(model.outputs.values(), name)
 
 
-def _own_signals(model) -> Iterator[tuple[str, str]]:
+def _own_signals(model: PhysicsModel) -> Iterator[tuple[str, str]]:
     """Yield what divides the whole rate of one measured store, with its state and only input."""
     stores = set(first_order_states(model)) & told_states(model)
     for name in model.free_parameters:
@@ -279,19 +279,19 @@ def _own_signals(model) -> Iterator[tuple[str, str]]:
             yield from ((name, u) for u in moving & set(model.inputs) if len(moving) == 1)
 
 
-def _shown(model) -> tuple[str, ...]:
+def _shown(model: PhysicsModel) -> tuple[str, ...]:
     """Return the inputs, and the states measured by an output, itself or by their position."""
     told = told_states(model)
     return (*(state for state in model.states if state in told), *model.inputs)
 
 
-def _drives_or_moves(model, signal: str) -> bool:
+def _drives_or_moves(model: PhysicsModel, signal: str) -> bool:
     """Return whether a signal is an input of some rate, or a velocity."""
     if signal in model.states:
         return is_velocity(model, signal)
     return any(rate.has(symbol(signal)) for rate in model.equations.values())
 
 
-def _moving(model, expression) -> set[str]:
+def _moving(model: PhysicsModel, expression: sympy.Expr) -> set[str]:
     """Return the states and inputs in an expression."""
     return set(map(str, expression.free_symbols)) & {*model.states, *model.inputs}

@@ -122,7 +122,7 @@ class _Flow:
     divides: bool
 
 
-def _flows(model, name: str) -> tuple[_Flow, ...]:
+def _flows(model: PhysicsModel, name: str) -> tuple[_Flow, ...]:
     """Return the flows of a coefficient; none if it acts in any other way."""
     found = []
     for part in ("equations", "outputs"):
@@ -138,7 +138,9 @@ def _flows(model, name: str) -> tuple[_Flow, ...]:
     return tuple(found)
 
 
-def _flow(model, part: str, key: str, whole: sympy.Expr, p: sympy.Symbol) -> _Flow | None:
+def _flow(
+    model: PhysicsModel, part: str, key: str, whole: sympy.Expr, p: sympy.Symbol
+) -> _Flow | None:
     """Return the flow of a coefficient in an expression, if it is one that may turn."""
     slope = whole.diff(p)
     divides = slope.has(p)
@@ -154,12 +156,12 @@ def _flow(model, part: str, key: str, whole: sympy.Expr, p: sympy.Symbol) -> _Fl
     return _Flow(part, key, flow, divides)
 
 
-def _is_motion(model, state: str) -> bool:
+def _is_motion(model: PhysicsModel, state: str) -> bool:
     """Return whether a state is a velocity or a position."""
     return is_velocity(model, state) or state in model.kinematic_pairs.values()
 
 
-def _ratio(model, flow: sympy.Expr, first: sympy.Expr) -> float | None:
+def _ratio(model: PhysicsModel, flow: sympy.Expr, first: sympy.Expr) -> float | None:
     """Return the ratio of two flows at the parameters' values; None where it is not constant."""
     values = {symbol(name): p.value for name, p in model.parameters.items()}
     ratio = sympy.cancel(flow / first).subs(values)

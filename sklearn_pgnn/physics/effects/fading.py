@@ -87,5 +87,5 @@ class InputFading(ParameterDependence):
         return None
 
 
-def _is_speed(model, state: str) -> bool:
+def _is_speed(model: PhysicsModel, state: str) -> bool:
     return is_velocity(model, state) or may_be_speed(model, state)

@@ -34,7 +34,7 @@ class InputEffect(Effect):
         """Return the names of the inputs of the model."""
         return tuple(model.inputs)
 
-    def seen(self, u, p):
+    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the input as it acts on the machine."""
         raise NotImplementedError
 
@@ -52,7 +52,7 @@ class InputEffect(Effect):
         return not scales.is_zero(self.target)
 
 
-def substitute(model, old, new) -> dict:
+def substitute(model: PhysicsModel, old: sympy.Expr, new: sympy.Expr) -> dict:
     """Return the changes that replace `old` by `new` in every expression of a model."""
     return model.changed(lambda expression: expression.subs(old, new))
 
@@ -346,7 +346,7 @@ class ActuatorEffect(Effect):
         followers = (state for state, followed in model.settled.items() if followed == name)
         return next((state for state in followers if named.fullmatch(state)), None)
 
-    def rate(self, u, acting, p):
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the rate of the acting input, from the commanded one."""
         raise NotImplementedError
 

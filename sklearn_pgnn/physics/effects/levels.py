@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from sklearn_pgnn.physics.scales import Scales
 
 
-def first_order_states(model):
+def first_order_states(model: PhysicsModel) -> tuple[str, ...]:
     """Return the names of the states that are neither velocities nor their positions."""
     known = set(model.kinematic_pairs.values())
     return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
 
 
-def _has_loss(model, state) -> bool:
+def _has_loss(model: PhysicsModel, state: str) -> bool:
     """Return whether a state's rate falls with it in proportion, by parameters alone."""
     slope = model.equations[state].diff(symbol(state))
     return slope != 0 and slope.free_symbols <= {symbol(name) for name in model.parameters}
@@ -164,7 +164,7 @@ class StateLimit(StateEffect):
         return {"limit": limits_of_a_level(target, scales), "steepness": steepness}
 
 
-def limits_of_a_level(target: str, scales) -> tuple[float, float]:
+def limits_of_a_level(target: str, scales: Scales) -> tuple[float, float]:
     """Return the least and the largest limit for a level that slows down towards it.
 
     A level with inflow comes to rest below its limit, and even at its peak it is slowed down by a

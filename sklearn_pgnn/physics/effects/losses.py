@@ -46,7 +46,9 @@ class LossEffect(Effect):
         """Return state and surroundings in words."""
         return "{} of {} to {}".format(cls.id.replace("_", " "), *parts(target))
 
-    def loss(self, state, around, unit, p):
+    def loss(
+        self, state: sympy.Expr, around: sympy.Expr, unit: str, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the loss."""
         raise NotImplementedError
 
@@ -67,7 +69,7 @@ class LossEffect(Effect):
         return Characteristic("force", state, difference, unit=model.unit(state))
 
 
-def _around(model, state: str) -> tuple[str, ...]:
+def _around(model: PhysicsModel, state: str) -> tuple[str, ...]:
     """Return what a state loses to by its rate; inputs of its unit where it has no loss."""
     unit = model.unit(state)
     alike = (name for name, known in model.inputs.items() if unit and known == unit)
@@ -91,7 +93,7 @@ def surroundings(model: PhysicsModel, state: str) -> tuple[str, ...]:
     return tuple(n for n, by in slopes.items() if by != 0 and by.free_symbols <= numbers)
 
 
-def _faint(target: str, scales) -> float:
+def _faint(target: str, scales: Scales) -> float:
     """Return the exchange [1/s] of a small loss."""
     state = parts(target)[0]
     return FAINT * scales.rate[state] / (scales.typical[state] or 1.0)

@@ -43,7 +43,7 @@ class OutputEffect(Effect):
         """Return the names of the outputs of the model."""
         return tuple(model.outputs)
 
-    def shown(self, y, p):
+    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return the reading of the sensor for the true output."""
         raise NotImplementedError
 
@@ -231,7 +231,7 @@ class SensorEccentricity(OutputEffect):
         return (cls(target),)
 
 
-def _angle(model, output: str) -> sympy.Expr | None:
+def _angle(model: PhysicsModel, output: str) -> sympy.Expr | None:
     """Return the angle [rad] that an output measures, if it measures one.
 
     Examples
@@ -390,7 +390,7 @@ class SensorLag(Effect):
         return Characteristic("output", self.target, TIME)
 
 
-def _begun(model, true, lagged: str) -> dict:
+def _begun(model: PhysicsModel, true: sympy.Expr, lagged: str) -> dict:
     """Return where a sensor's state begins: at what it measures."""
     if str(true) in model.states:
         return {"settled": {**model.settled, lagged: str(true)}}

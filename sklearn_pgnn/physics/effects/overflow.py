@@ -94,7 +94,7 @@ class Overflow(StateEffect):
         }
 
 
-def _next(model, state: str) -> tuple[str, ...]:
+def _next(model: PhysicsModel, state: str) -> tuple[str, ...]:
     """Return the names of the levels into which a level flows."""
     unit = model.unit(state)
     return tuple(

@@ -27,7 +27,7 @@ SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
 FAINT = 0.001
 
 
-def may_be_speed(model, state: str) -> bool:
+def may_be_speed(model: PhysicsModel, state: str) -> bool:
     """Return whether a state may be a speed that is not declared as one.
 
     A sensor measures it in a unit that does not define the quantity, and its rate depends on
@@ -62,7 +62,9 @@ class RateEffect(Effect):
         """Return the names of the ports of the model whose flow is a velocity."""
         return tuple(name for name, port in model.ports.items() if is_moving(model, port))
 
-    def force(self, v, position, p):
+    def force(
+        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
+    ) -> sympy.Expr:
         """Return the resisting force as an expression of velocity and position."""
         raise NotImplementedError
 
@@ -134,7 +136,7 @@ class PositionEffect(RateEffect):
         return Characteristic("force", self.target, model.port(self.target).displacement)
 
 
-def force_scale(target, model, scales) -> float:
+def force_scale(target: str, model: PhysicsModel, scales: Scales) -> float:
     """Return the force that causes the typical rate of the target."""
     return typical_inertia(target, model, scales) * scales.rate[target]
 

@@ -29,14 +29,14 @@ RATIOS = (0.5, 5.0)
 LEAST = 1e-3
 
 
-def memories(scales) -> tuple[float, ...]:
+def memories(scales: Scales) -> tuple[float, ...]:
     """Return time constants [s] that records show, in order: within a window, and as long."""
     longest = min(scales.window, scales.duration)
     shares = (0.03, 0.2, 1.0)
     return tuple(sorted({max(3 * scales.sample_time, share * longest) for share in shares}))
 
 
-def memory_limits(scales) -> tuple[float, float]:
+def memory_limits(scales: Scales) -> tuple[float, float]:
     """Return the shortest and the longest time constant [s] that records show."""
     longest = min(scales.duration, 20.0 * scales.window)
     return scales.sample_time, max(longest, 4.0 * scales.sample_time)
@@ -291,7 +291,7 @@ class MaxwellBranch(PositionEffect):
 class Relaxation(Effect):
     """Branches in series between two terminals, each a resistor with a capacitor beside it."""
 
-    def branches(self, p):
+    def branches(self, p: Mapping[str, sympy.Symbol]) -> tuple:
         """Return the resistance and the time constant of every branch, the fast one first."""
         raise NotImplementedError
 

@@ -1,6 +1,11 @@
 """Targets of two quantities, one of which depends on the other, and names of added states."""
 
+from typing import TYPE_CHECKING
+
 from sklearn_pgnn.physics.expressions import same_name
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def pair(quantity: str, other: str) -> str:
@@ -20,7 +25,7 @@ def parts(target: str) -> tuple[str, str]:
     return quantity, other
 
 
-def free_name(model, wanted: str) -> str:
+def free_name(model: "PhysicsModel", wanted: str) -> str:
     """Return the first name for a further state that is free in a model."""
     taken = {same_name(name) for name in (*model.states, *model.inputs, *model.parameters)}
     names = (wanted, *(f"{wanted}_{number}" for number in range(2, len(taken) + 3)))
