@@ -128,7 +128,9 @@ def _print_parameters(console: Console, diagnosis: "ModelDiagnosis") -> None:
     parameters = diagnosis.parameters_
     if not parameters:
         return
-    limited, told = parameter_facts(diagnosis).at_limit, diagnosis.model.parameters
+    facts, told = parameter_facts(diagnosis), diagnosis.model.parameters
+    limited, remarks = facts.at_limit, dict.fromkeys(facts.open, "not determined")
+    remarks |= dict.fromkeys(limited, "at a limit")
     unknown = [name for name in parameters if math.isinf(told[name].reach)]
     shown = {n: p for n, p in parameters.items() if p.changed or n in (*limited, *unknown)}
     if not shown:
@@ -144,8 +146,8 @@ def _print_parameters(console: Console, diagnosis: "ModelDiagnosis") -> None:
             name,
             number(p.prior),
             measured(p.value, p.low, p.high, p.unit),
-            change(p.value, p.prior),
-            "at a limit" if name in limited else "",
+            change(p.value, p.prior) if name not in facts.open else "",
+            remarks.get(name, ""),
         )
         for name, p in shown.items()
     )

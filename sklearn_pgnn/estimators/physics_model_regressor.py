@@ -512,9 +512,9 @@ def _warn_of_ends(freedoms, model, loose: list[str]) -> None:
     for name in (name for name in at_bounds(model) if name in fitted):
         low, high = model.parameters[name].bounds
         warn_user(
-            f"{name} ended at a bound ({low:g} to {high:g}): the records want a value beyond it. "
-            f"Remedy: widen the bounds, if the machine may be so; else the model lacks something, "
-            f"and ModelDiagnosis(model) looks for it.",
+            f"{name} ended at a bound ({low:g} to {high:g}): the records want a value beyond it, "
+            f"or tell it only together with others. Remedy: widen the bounds, if the machine may "
+            f"be so; else the model lacks something, and ModelDiagnosis(model) looks for it.",
             FitWarning,
         )
 

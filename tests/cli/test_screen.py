@@ -73,20 +73,24 @@ def test_a_cause_of_an_unfinished_search_was_compared_with_none(capsys):
 
 
 def test_parameters_that_were_unknown_or_lie_at_a_limit_are_shown(capsys):
-    told = CART.replace(parameters={"m": Parameter("m", 2.0, spread=np.inf), "d": 0.5, "k": 1.0})
+    told = {n: Parameter(n, 1.0, spread=np.inf, bounds=(0.1, 9.0)) for n in ("a", "m")}
+    told = CART.replace(parameters={**told, "d": 0.5, "k": 1.0})
     found = diagnosis()
     found.model = told
     found.parameters_ = {
         name: RetunedParameter(prior, value, value - 0.1, value + 0.1, "", False)
         for name, prior, value in (("m", 2.0, 1.95), ("d", 0.5, 0.55), ("k", 1.0, 1.02))
     }
-    freedoms = tuple(ParameterPrior(n, *ends, 0, 1, 1) for n, ends in ENDS.items())
+    found.parameters_["a"] = RetunedParameter(1.0, 2.0, 0.1, 9.0, "", False)
+    ends_of = {**ENDS, "a": (0.1, 9.0)}
+    freedoms = tuple(ParameterPrior(n, *ends, 0, 1, 1) for n, ends in ends_of.items())
     found.records_.best = "extended"
     found.records_.fits = {"extended": SimpleNamespace(freedoms=freedoms, model=told)}
     text = shown(capsys, found)
     assert "Parameters changed, unknown or at a limit (95 % interval)" in text
     assert "m 2 1.95 (1.85 to 2.05) -2.5 % d 0.5 0.55 (0.45 to 0.65) +10.0 % at a limit" in text
     assert "k 1 1.02" not in text
+    assert "a 1 2 (0.10 to 9) not determined" in text
 
 
 def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):

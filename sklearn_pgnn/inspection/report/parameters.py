@@ -22,7 +22,7 @@ class ParameterFacts:
     The interval of those `changed` leaves the value out that was given; those `at_limit` are at the
     end of what the fit allowed, of the model or of a cause. The fit held those `held` where they
     were: beside the others the records do not fix them. Nor do they fix those `open`, whose
-    interval is not finite.
+    interval is not finite, or all that their bounds allow.
     """
 
     changed: tuple[str, ...]
@@ -43,7 +43,12 @@ def parameter_facts(diagnosis) -> ParameterFacts:
     value = {name: parameter.value for name, parameter in fit.model.parameters.items()}
     value |= {name: parameter.value for name, parameter in found.items()}
     limited = (n for n, f in free.items() if not f.low < value[n] < f.high)
-    unfixed = (n for n, p in found.items() if not math.isfinite(p.high - p.low))
+    whole = {n: p.bounds for n, p in fit.model.parameters.items() if n in free}
+    unfixed = (
+        n
+        for n, p in found.items()
+        if not math.isfinite(p.high - p.low) or (p.low, p.high) == whole.get(n)
+    )
     return ParameterFacts(
         changed=tuple(name for name, p in found.items() if p.changed),
         at_limit=tuple(limited),
@@ -58,9 +63,9 @@ def forest(diagnosis) -> dict:
     freedoms = {f.name: f for f in diagnosis.records_.fits[diagnosis.records_.best].freedoms}
     moves = [
         100.0 * (end / p.prior - 1.0)
-        for p in found.values()
+        for name, p in found.items()
         if p.prior
-        for end in (p.value, p.low, p.high)
+        for end in ((p.value,) if name in facts.open else (p.value, p.low, p.high))
         if math.isfinite(end)
     ]
     reach = 1.1 * max([1e-3, *map(abs, moves)])
@@ -79,7 +84,7 @@ def _row(scale: Scale, name: str, p, freedom, facts: ParameterFacts) -> dict:
         "change": change,
         "state": state,
         "css": css,
-        "picture": _strip(scale, name, p, freedom, css) if p.prior else "",
+        "picture": _strip(scale, name, p, freedom, css, facts) if p.prior else "",
     }
 
 
@@ -99,7 +104,7 @@ def _state(name: str, facts: ParameterFacts) -> tuple[str, str]:
     return ("changed", "changed") if name in facts.changed else ("not significantly", "")
 
 
-def _strip(scale: Scale, name: str, p, freedom, css: str) -> Markup:
+def _strip(scale: Scale, name: str, p, freedom, css: str, facts: ParameterFacts) -> Markup:
     def at(value):
         return float(scale.place(100.0 * (value / p.prior - 1.0)))
 
@@ -108,7 +113,7 @@ def _strip(scale: Scale, name: str, p, freedom, css: str) -> Markup:
         ends = sorted((at(freedom.low), at(freedom.high)))
         shapes.insert(0, span(ends[0], ends[1], "allowed", "what the fit allowed"))
     said = measured(p.value, p.low, p.high, typeset_unit(p.unit))
-    if math.isfinite(p.high - p.low):
+    if name not in facts.open:
         low, high = sorted((at(p.low), at(p.high)))
         shapes.append(whisker(low, high, "whisker", said))
     shapes.append(dot(at(p.value), "named" if css == "look" else "candidate", f"{name}: {said}"))
