@@ -27,6 +27,7 @@ from sklearn_pgnn.inspection.remedies import spread_sentence
 from sklearn_pgnn.inspection.report.parameters import parameter_facts
 from sklearn_pgnn.inspection.result_files import as_strict_json, described_models
 from sklearn_pgnn.inspection.words import (
+    held_beside,
     remaining_sentence,
     rivals_or_none,
     separation_sentence,
@@ -114,6 +115,8 @@ def _print_cause(
         none = f" (none of the catalogue: {chance(cause.outside)})" if cause.tested else ""
         rows.append(("probability", f"{chance(cause.probability)}{none}"))
     rows.append(("confused with", rivals_or_none(cause, diagnosis.complete_)))
+    if beside := held_beside(cause, diagnosis.causes_):
+        rows.append(("holds beside", beside))
     rows += [
         ("to separate", separation_sentence(found))
         for found in diagnosis.separations_

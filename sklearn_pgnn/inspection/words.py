@@ -46,6 +46,16 @@ def rivals_or_none(cause, complete: bool) -> str:
     return rivals(cause) or ("nothing" if complete else NOT_COMPARED)
 
 
+def held_beside(cause, causes) -> str:
+    """Return the other causes that may be something else, with which the sizes of one may change.
+
+    Empty where every other cause is sure.
+    """
+    others = (other for other in causes if other is not cause and other.is_open)
+    names = listed(cause_name(other.effect, other.target) for other in others)
+    return f"{names}: with another cause in its place the sizes may differ" if names else ""
+
+
 def verdict_sentence(diagnosis) -> str:
     """Return the verdict of a diagnosis in plain words."""
     said = _SAID[diagnosis.verdict_](diagnosis)

@@ -66,6 +66,12 @@ def test_a_cause_that_is_sure_has_no_probability(capsys):
     assert "confused with nothing" in text
 
 
+def test_sizes_beside_a_cause_that_may_be_another_are_said_to_hold_beside_it(capsys):
+    found = diagnosis(0.79, [Rival("constant_load", "v", 0.2099)])
+    found.causes_ += (NamedCause("viscous_friction", "v", {}, 50.0, (), probability=1.0),)
+    assert shown(capsys, found).count("holds beside input bias of F: with another") == 1
+
+
 def test_a_cause_of_an_unfinished_search_was_compared_with_none(capsys):
     early = diagnosis(0.999)
     early.complete_ = False

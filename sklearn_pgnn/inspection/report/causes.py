@@ -10,7 +10,7 @@ from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
 from sklearn_pgnn.inspection.numbers import chance, number, times, typeset_unit
 from sklearn_pgnn.inspection.report.finding import expectation
 from sklearn_pgnn.inspection.report.tiles import parts_of_error
-from sklearn_pgnn.inspection.words import rivals, separation_sentence
+from sklearn_pgnn.inspection.words import held_beside, rivals, separation_sentence
 from sklearn_pgnn.inspection.yardstick import together
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.rates import worded_for
@@ -106,6 +106,7 @@ def _cause(diagnosis, cause) -> dict:
         "probability": chance(cause.probability),
         "outside": chance(cause.outside),
         "rivals": rivals(cause),
+        "beside": held_beside(cause, diagnosis.causes_),
         "tested": cause.tested,
         "separations": [
             separation_sentence(found) for found in diagnosis.separations_ if found.cause == mine
