@@ -206,7 +206,8 @@ def only_begins(
 
     with the fitted time constant, its standard error and the longest that is considered, a window
     or more: what such a state holds stays as it begins in every window, and may stand for any slow
-    force.
+    force. Where more than two windows are considered, whole records have to show the state, and the
+    fitted value counts.
     """
     own, longest = cause.names(), problem.scales.window
     times = {own[q.name] for q in cause.quantities() if q.metadata["unit"] == "s"}
@@ -215,9 +216,12 @@ def only_begins(
     if not free:
         return False
     error = standard_errors(trial.fit, *_expected_starts(problem, trial))
-    value = {each.name: trial.fit.model.parameters[each.name].value for each in free}
-    beyond = norm.ppf(1.0 - alpha)
-    return any(value[each.name] + beyond * error[each.name] >= each.high for each in free)
+    beyond, value = norm.ppf(1.0 - alpha), trial.fit.model.parameters
+    return any(
+        value[each.name].value + (beyond * error[each.name] if each.high <= 2.0 * longest else 0.0)
+        >= each.high
+        for each in free
+    )
 
 
 def says_more_than_bounds(fitter: WindowFitter, trial: FittedHypothesis, cause: Effect) -> bool:

@@ -102,7 +102,8 @@ def test_the_json_is_strict_and_complete(done):
     assert cause["gain_percent"] > 50
     assert 0.9 < cause["probability"] <= 1.0
     assert all({"probability", "equivalent"} <= set(other) for other in cause["confused_with"])
-    assert set(data["remaining"]) == {"kind", "times_noise", "law", "predicts_nothing"}
+    left = {"kind", "times_noise", "in_free_run", "law", "predicts_nothing"}
+    assert set(data["remaining"]) == left
     assert data["remaining"]["kind"] == "noise"
     assert {"prior", "refitted", "extended"} <= set(data["free_run"]["speed"])
     level = cause["parameters"]["level"]
