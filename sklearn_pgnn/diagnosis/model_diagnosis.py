@@ -193,7 +193,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         noise of a sensor, or an external disturbance: no law that was tried predicts it) and
         ``"structure"``, with .times_noise of every output, and in .law where a law without a name
         acts, what it depends on, its memory [s] and the share of the error that it explains;
-        .predicts_nothing if no output is predicted better than without a model.
+        .in_free_run what the fit's errors do not explain there; .predicts_nothing if no output is
+        predicted better than without a model.
     discrepancy_ : MissingPart or None
         A missing part that is not in the catalogue: where it acts, what it depends on, and a
         formula for it.

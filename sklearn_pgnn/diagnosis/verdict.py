@@ -92,7 +92,7 @@ def describe_remaining(
 def _times_noise(
     fitter: HypothesisFitter, squares: np.ndarray, counts: np.ndarray
 ) -> dict[str, float]:
-    """Return the root mean square of every output that has some."""
+    """Return the root mean square of every output that is counted."""
     each = zip(fitter.problem.prior.outputs, squares.tolist(), counts.tolist(), strict=True)
     return {output: math.sqrt(total / n) for output, total, n in each if n > 0.0}
 

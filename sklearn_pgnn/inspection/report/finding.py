@@ -58,7 +58,7 @@ def cause_with_size(cause) -> str:
 
 def _nothing_found(diagnosis) -> str:
     errors = (errors.extended for errors in over_windows(diagnosis).values())
-    left = max(*errors, *diagnosis.remaining_.in_free_run.values())
+    left = max([*errors, *diagnosis.remaining_.in_free_run.values()])
     return f"no cause of the catalogue; {times(left)} the noise is left"
 
 

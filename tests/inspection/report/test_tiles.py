@@ -9,9 +9,10 @@ from situations import situation
 
 from sklearn_pgnn.diagnosis import Remaining, Rival, Structure
 from sklearn_pgnn.inspection.numbers import times
-from sklearn_pgnn.inspection.report.finding import next_step
+from sklearn_pgnn.inspection.report.finding import next_step, title
 from sklearn_pgnn.inspection.report.parameters import parameter_facts
 from sklearn_pgnn.inspection.report.tiles import make_tiles
+from sklearn_pgnn.inspection.yardstick import over_windows
 from sklearn_pgnn.record_quality.finding import Finding
 
 pytestmark = pytest.mark.core
@@ -57,6 +58,19 @@ def test_what_only_a_formula_describes_is_amber_and_parameters_are_those_beside_
 def test_what_neither_name_nor_formula_describes_is_red():
     gain = gain_of("unexplained", formula=math.nan)
     assert states(changed("unexplained", discrepancy_=None, gain_=gain))[:2] == ["bad", "bad"]
+
+
+@pytest.mark.parametrize("in_free_run", [{}, {"v": 9.0}])
+def test_the_title_of_no_cause_says_the_most_that_is_left(in_free_run):
+    found = changed(
+        "adequate",
+        verdict_="nothing_found",
+        remaining_=Remaining("disturbance", {"v": 3.0}, in_free_run=in_free_run),
+    )
+    windows = [errors.extended for errors in over_windows(found).values()]
+    assert title(found).endswith(
+        f"{times(max([*windows, *in_free_run.values()]))} the noise is left"
+    )
 
 
 def test_a_parameter_at_its_limit_is_amber():
