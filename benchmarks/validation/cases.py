@@ -122,10 +122,10 @@ def all_cases(root: int) -> list[Case]:
         ((kind, machine, detail), number)
         for number, ((kind, detail), machine) in enumerate(zip(kinds, machines, strict=False))
     ]
-    return [Case(*what, _seed(root, *what, number)) for what, number in cases]
+    return [Case(*what, seed_of(root, *what, number)) for what, number in cases]
 
 
-def _seed(root, *what) -> int:
+def seed_of(root, *what) -> int:
     """Draw a seed that depends on the root and on what a case is, not on its place."""
     words = zlib.crc32(repr(what).encode())
     return int(np.random.SeedSequence([root, words]).generate_state(1)[0])
@@ -175,7 +175,7 @@ def _draw_effects(model, count, rng) -> list[str]:
             return ids
 
 
-def _course(model, hidden):
+def course(model, hidden):
     """Return the time, and inputs and initial states of all records."""
     records = [rows for _, rows in hidden.X.groupby("trajectory")]
     t, u = records[0]["t"].to_numpy(), np.stack([r[list(model.inputs)] for r in records])
@@ -189,7 +189,7 @@ def _spread_of_rate(t, x) -> float:
 def _hide_law(machine, options, rng):
     """Take a term from a rate, its spread a share of the rate's without it."""
     model, (state, term) = machine.model, machine.laws[rng.integers(len(machine.laws))]
-    t, u, x0 = _course(model, datasets.make_hidden_effect(model, None, **options))
+    t, u, x0 = course(model, datasets.make_hidden_effect(model, None, **options))
     x, _ = integrate(model, t, u, x0)
     signals = dict(zip(model.inputs, np.moveaxis(u, -1, 0), strict=True))
     signals |= dict(zip(model.states, np.moveaxis(x, -1, 0), strict=True))
@@ -203,7 +203,7 @@ def _disturb(machine, options, rng):
     """Add slow noise to a rate; the model knows nothing of it."""
     model, state = machine.model, machine.laws[0][0]
     hidden = datasets.make_hidden_effect(model, None, **options)
-    t, u, x0 = _course(model, hidden)
+    t, u, x0 = course(model, hidden)
     x, calm = integrate(model, t, u, x0)
     keeps = np.exp(-1.0 / (FADES * t.size))
     slow = lfilter([np.sqrt(1 - keeps**2)], [1, -keeps], rng.standard_normal(u.shape[:2]))

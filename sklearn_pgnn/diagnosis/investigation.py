@@ -14,6 +14,7 @@ from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure, find_structure
 from sklearn_pgnn.diagnosis.unexplained import Proposal
 from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
+from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fine_steps import fine_steps
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -120,7 +121,10 @@ class Investigation:
         self.progress.begin("wiring")
         with self.progress.kept():
             self.wiring = find_wiring(self.model, self.records, each_step=self.progress.tick)
-        self.searched = self._search(self._fitter(hold))
+        fitter = self._fitter(hold)
+        with self.progress.kept():
+            self.searched = self._at_once(fitter)
+        self.searched = self.searched or self._search(fitter)
         if not is_told and self.progress.ended is None:
             with self.progress.kept():
                 self.searched = self._try_slopes(self.searched)
@@ -326,6 +330,26 @@ class Investigation:
             structure = asked.of(result.final) if may_depend else None
         return replace(found, search=search, result=result, structure=structure)
 
+    def _at_once(self, fitter: HypothesisFitter) -> Findings | None:
+        """Search with what differs between records if that alone leaves about noise, and is all."""
+        base = fitter.base()
+        left, much = fitter.held_out(base).windows.squares, MUCH**2 * fitter.white_squares(base)
+        if not self.compares_records or (left <= much).all():
+            return None
+        group = find_group(fitter.problem, base.fit, self.progress.tick)
+        if group is None or ((1.0 - group.share) * left > much).any():
+            return None
+        self.progress.begin("differences between records")
+        as_given, wider = dict(vars(self)), self._beside(group, fitter.problem)
+        new = set(wider.candidates) - set(self.candidates)
+        vars(self).update(vars(wider))
+        found = self._search(self._fitter(fitter.problem.windows.hold))
+        is_all = not found.search.compare.leaves_what_may_depend(found.result.final)
+        if new & set(found.result.final.hypothesis.causes) and (is_all or self.progress.ended):
+            return found
+        vars(self).update(as_given)
+        return None
+
     def _try_differences(self, found: Findings) -> None:
         """Search again with what may differ between records, where that explains what is left.
 
@@ -341,24 +365,30 @@ class Investigation:
         self.progress.begin("differences between records")
         problem = found.search.fitter.problem
         for group in _groups_that_differ(found):
-            marked = mark(self.model, self.records, group)
-            if marked.column in self.groups:
+            wider = self._beside(group, problem)
+            if wider.groups.keys() == self.groups.keys():
                 continue  # what differs there was tried
-            wider = replace(
-                self,
-                model=marked.model,
-                records=marked.records,
-                candidates=(*marked.candidates, *self.candidates),
-                n_compared=self.n_compared + len(marked.candidates) * n_groups(problem),
-            )
             again = wider._search(wider._fitter(problem.windows.hold))
             final = again.result.final
-            is_named = bool(set(marked.candidates) & set(final.hypothesis.causes))
+            new = set(wider.candidates) - set(self.candidates)
+            is_named = bool(new & set(final.hypothesis.causes))
             is_all = not again.search.compare.leaves_what_may_depend(final)
             if again.result.complete and is_named and (is_clear or is_all):
                 vars(self).update(vars(wider), searched=again)
-                self.groups[marked.column] = tuple(self.records[r].name for r in group.records)
                 return self._try_differences(again)
+
+    def _beside(self, group: Group, problem: EstimationProblem) -> "Investigation":
+        """Return the investigation with what may differ in a group among the candidates."""
+        marked = mark(self.model, self.records, group)
+        names = tuple(self.records[r].name for r in group.records)
+        return replace(
+            self,
+            model=marked.model,
+            records=marked.records,
+            candidates=(*marked.candidates, *self.candidates),
+            groups={**self.groups, marked.column: names},
+            n_compared=self.n_compared + len(marked.candidates) * n_groups(problem),
+        )
 
     def _try_slopes(self, held: Findings) -> Findings:
         """Continue with inputs interpolated between samples if the records refute that less."""
@@ -388,7 +418,8 @@ def _groups_that_differ(found: Findings) -> list[Group]:
         found.result.base.fit,
     )
     fits = (final,) if final is base else (final, base)
-    groups = [group for fit in fits if (group := find_group(problem, fit))]
+    tick = found.search.progress.tick
+    groups = [group for fit in fits if (group := find_group(problem, fit, tick))]
     if not groups or groups[0].share < found.search.criterion.smallest_share:
         return []
     return list({group[:2]: group for group in groups}.values())

@@ -11,11 +11,12 @@ squares by :math:`s^2/h` beyond what all windows share: the parameters and the u
 
 The windows are those of some records, or those that begin after an onset, in one record or in all.
 Groups of records part these in the order of :math:`s/h` of each alone: a record more or less for
-which the quantity is larger is then the next best.
+which the quantity is larger is then the next best. For a trend from record to record the sums are
+weighted, from zero in the first record to one in the last.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
@@ -23,12 +24,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.estimation.budgets import KEPT, STEPS
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.physics.effects.differences import AND, DIFFERENCES, IN, SINCE, Difference
+from sklearn_pgnn.physics.effects.differences import AND, DIFFERENCES, IN, SINCE, TREND, Difference
 from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.normal_equations import Normal, project
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, prior_precision
+from sklearn_pgnn.simulation.window_fit import (
+    ParameterPrior,
+    WindowFit,
+    fit_windows,
+    prior_precision,
+)
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.record import Record
 
@@ -45,7 +52,10 @@ FLAT = 1e-9
 
 
 class Group(NamedTuple):
-    """Records that may differ from the others, or from an onset on from what they were before."""
+    """Records that may differ from the others, or from an onset on from what they were before.
+
+    All records without an onset differ by a trend from the first to the last.
+    """
 
     records: tuple[int, ...]
     since: float | None
@@ -84,6 +94,11 @@ class _Normal:
         )
         return _Normal(self.shared, self.step, *parts)
 
+    def weighted(self, by: np.ndarray) -> "_Normal":
+        """Return those of the quantity times a number in every item."""
+        parts = self.gradient * by, self.own * by**2, self.mixed * by[:, None]
+        return _Normal(self.shared, self.step, *parts)
+
     def of(self, items: np.ndarray) -> "_Normal":
         """Return those of some items, in another order."""
         parts = (part[items] for part in (self.gradient, self.own, self.mixed))
@@ -108,7 +123,9 @@ class _Normal:
         return step, step * s
 
 
-def find_group(problem: EstimationProblem, fit: WindowFit) -> Group | None:
+def find_group(
+    problem: EstimationProblem, fit: WindowFit, each_step: Callable[[], bool | None] | None = None
+) -> Group | None:
     """Return where a difference explains most, and in what; None where nothing can differ."""
     if not fit.usable:
         return None
@@ -119,35 +136,110 @@ def find_group(problem: EstimationProblem, fit: WindowFit) -> Group | None:
         for (kind, name), normal in zip(wanted, _normals(problem, fit, wanted), strict=True)
         for records, since, decrease in (
             *_of_records(windows.record, normal, _goes_up(prior, fit, name)),
+            *_trend(windows, normal),
             *_since(windows, normal),
         )
     ]
-    best = max(groups, key=lambda group: group.share, default=None)
-    return best if best is None or best.since is None else _at_sample(problem, fit, best)
+    groups += [
+        Group(records, since, kind, name, decrease / fit.squares)
+        for since in _within_windows(problem)
+        for (kind, name), normal in zip(
+            wanted, _normals(problem, fit, wanted, (windows.t >= since).astype(float)), strict=True
+        )
+        for records, decrease in _in_each_and_all(windows.record, normal)
+    ]
+    groups.sort(key=lambda group: group.share, reverse=True)
+    if not groups:
+        return None
+    fits = _Fits(problem, fit, each_step)
+    if groups[0].since is None:
+        usual = [group for group in groups if group.since is None]
+        return max(map(fits.tried, usual[:KEPT]), key=lambda group: group.share)
+    near = [g for g in reversed(groups) if g.records == groups[0].records and g.since is not None]
+    of_each = {group[2:4]: group for group in near}  # the last, which explains most
+    return fits.settled(list(of_each.values()))
 
 
-def _at_sample(problem: EstimationProblem, fit: WindowFit, group: Group) -> Group:
-    """Return a group with the onset at the sample, within two windows, that explains most."""
-    windows, record = problem.windows, problem.windows.record_at(np.arange(len(problem.windows.t)))
-    is_in, reach = np.isin(record, group.records), problem.scales.window
-    times = np.unique(windows.t[is_in & (np.abs(windows.t - group.since) <= reach)])
-    while len(times) > 1:
-        tried = times[:: max(1, len(times) // ONSETS)]
-        marks = [(is_in & (windows.t >= since)).astype(float) for since in tried]
-        normals = [_normals(problem, fit, [group[2:4]], each)[0] for each in marks]
-        shares = [normal.from_each_on[0] / fit.squares for normal in normals]
-        best = int(np.argmax(shares))
-        group = group._replace(since=float(tried[best]), share=float(shares[best]))
-        near = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
-        inner = times[(times > near[0]) & (times < near[1])]
-        times = inner if len(tried) < len(times) else times[:0]
-    return group
+class _Fits:
+    """Fits of what may differ, and since when: a large difference is far from linear."""
+
+    def __init__(
+        self,
+        problem: EstimationProblem,
+        fit: WindowFit,
+        each_step: Callable[[], bool | None] | None,
+    ):
+        self.problem, self.fit, self.each_step = problem, fit, each_step
+        windows = problem.windows
+        self.record = windows.record_at(np.arange(len(windows.t)))
+
+    def settled(self, groups: list[Group]) -> Group:
+        """Return the group with the onset, to a sample, that leaves least.
+
+        Every quantity has an onset of its own; the better half goes on to smaller steps.
+        """
+        tried = [self.tried(group) for group in groups]
+        step = max(1, len(self._times(groups[0])) // ONSETS)
+        while step:
+            tried = [self._nearest(group, step) for group in tried]
+            tried.sort(key=lambda group: group.share, reverse=True)
+            tried, step = tried[: -(-len(tried) // 2)], step // 2
+        return tried[0]
+
+    def _times(self, group: Group) -> np.ndarray:
+        """Return the times of the samples of the records of a group."""
+        return np.unique(self.problem.windows.t[np.isin(self.record, group.records)])
+
+    def _nearest(self, group: Group, step: int) -> Group:
+        """Move the onset by steps of some samples as long as less is left."""
+        times = self._times(group)
+        while True:
+            here = int(np.searchsorted(times, float(group.since or 0.0)))
+            places = [k for k in (here - step, here + step) if 0 < k < len(times)]
+            tried = [self.tried(group._replace(since=float(times[k]))) for k in places]
+            better = max(tried, key=lambda each: each.share, default=group)
+            if better.share <= group.share:
+                return group
+            group = better
+
+    def tried(self, group: Group) -> Group:
+        """Return a group with the share of the squares that a fit of its difference explains."""
+        windows, cause = self.problem.windows, group.kind(pair(group.quantity, MARKED))
+        wider = self.fit.model.replace(inputs={**self.fit.model.inputs, MARKED: ""})
+        model = wider + cause
+        ((field, name),) = cause.names().items()
+        low, high = cause.limits(cause.target, wider, self.problem.scales).get(
+            field, model.parameters[name].bounds
+        )
+        own = ParameterPrior(name, low, high, 0.0, np.inf, 1.0)
+        marks = _marks(group, self.record, windows.t, len(windows.bounds) - 1)
+        marked = replace(windows, u=np.column_stack([windows.u, marks]))
+        again = fit_windows(
+            model,
+            marked,
+            (*self.fit.freedoms, own),
+            *self.problem.states.expected_starts(self.fit.model, windows),
+            x0_start=self.fit.x0,
+            max_steps=STEPS,
+            each_step=self.each_step,
+        )
+        share = 1.0 - again.squares / self.fit.squares
+        return group._replace(share=share if again.usable else 0.0)
+
+
+def _within_windows(problem: EstimationProblem) -> np.ndarray:
+    """Return onsets that are tried where windows are too few to begin near every one."""
+    windows = problem.windows
+    if len(windows) >= ONSETS * (len(windows.bounds) - 1):
+        return np.empty(0)
+    return np.quantile(windows.t, np.arange(1, ONSETS) / ONSETS)
 
 
 def n_groups(problem: EstimationProblem) -> int:
     """Return how many groups of one quantity are compared."""
     count = len(problem.windows.bounds) - 1
-    return max(2 * len(problem.windows) - count - 1, 0) + max(count - 1, 0)
+    starts = max(2 * len(problem.windows) - count - 1, 0) + max(count - 1, 0) + (count > 2)
+    return starts + len(_within_windows(problem)) * len(_each_and_all(problem.windows.record))
 
 
 def _normals(
@@ -220,25 +312,51 @@ def _of_records(record: np.ndarray, normal: _Normal, goes_up: bool) -> Iterator[
             yield tuple(sorted(known[places[first:]].tolist())), None, float(decreases[first])
 
 
+def _trend(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
+    """Yield all records, in which a difference rises in equal steps, if they are more than two."""
+    last = len(windows.bounds) - 2
+    if last > 1:
+        rising = normal.weighted(windows.record / last)
+        yield tuple(range(last + 1)), None, float(rising.from_each_on[0])
+
+
 def _since(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
     """Yield the onset from which on a difference explains most, in every record and in all."""
-    starts, record = windows.t[windows.starts], windows.record
-    every = np.arange(len(windows))
-    for chosen in (every, *(every[record == r] for r in np.unique(record))):
+    starts = windows.t[windows.starts]
+    for chosen in _each_and_all(windows.record):
         order = chosen[np.argsort(starts[chosen], kind="stable")]
         is_later = np.diff(starts[order], prepend=starts[order[0]]) > 0.0
         decreases = np.where(is_later, normal.of(order).from_each_on, 0.0)
         best = int(np.argmax(decreases))
         if is_later[best]:
-            of = tuple(np.unique(record[chosen]).tolist())
+            of = tuple(np.unique(windows.record[chosen]).tolist())
             yield of, float(starts[order[best]]), float(decreases[best])
+
+
+def _in_each_and_all(
+    record: np.ndarray, normal: _Normal
+) -> Iterator[tuple[tuple[int, ...], float]]:
+    """Yield every record and all of them, with the decrease of squares there."""
+    for chosen in _each_and_all(record):
+        yield tuple(np.unique(record[chosen]).tolist()), float(normal.of(chosen).from_each_on[0])
+
+
+def _each_and_all(record: np.ndarray) -> list[np.ndarray]:
+    """Return the windows of all records together, and of each."""
+    known = np.unique(record)
+    return [np.arange(len(record)), *(np.flatnonzero(record == r) for r in known if known.size > 1)]
 
 
 def mark(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> Marked:
     """Return a model and its records with a column that is one in a group, else zero."""
     column = _column(model, records, group)
     marked = tuple(
-        replace(record, u=np.column_stack([record.u, _marks(record.t, r in group.records, group)]))
+        replace(
+            record,
+            u=np.column_stack(
+                [record.u, _marks(group, np.full(len(record.t), r), record.t, len(records))]
+            ),
+        )
         for r, record in enumerate(records)
     )
     candidates = [
@@ -248,13 +366,22 @@ def mark(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> Mark
     return Marked(wider, marked, tuple(candidates), column)
 
 
-def _marks(t: np.ndarray, is_in: bool, group: Group) -> np.ndarray:
-    """Return one at every sample of a group."""
-    return (is_in & (t >= (-np.inf if group.since is None else group.since))).astype(float)
+def _marks(group: Group, record: np.ndarray, t: np.ndarray, n_records: int) -> np.ndarray:
+    """Return the column of a group, or of a trend, at samples of some records."""
+    if _is_trend(group, n_records):
+        return record / (n_records - 1.0)
+    is_later = t >= (-np.inf if group.since is None else group.since)
+    return (np.isin(record, group.records) & is_later).astype(float)
+
+
+def _is_trend(group: Group, n_records: int) -> bool:
+    return group.since is None and len(group.records) == n_records
 
 
 def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> str:
     """Return a name for a group: that of its records, if these are short, and its onset."""
+    if _is_trend(group, len(records)):
+        return TREND
     names = [re.sub(r"\W+", "_", records[r].name) for r in group.records]
     name = IN + AND.join(names)
     if len(names) == len(records):

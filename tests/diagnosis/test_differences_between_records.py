@@ -40,13 +40,17 @@ CANDIDATES = (
 
 
 def records(seed, change, others, n_records=6, rig=CART):
-    """Return records of the machine with other parameters, or another zero, in some of them."""
+    """Return records of the machine with other parameters, or another zero, in some of them.
+
+    The change may be a function of the number of the record.
+    """
+    of = change if callable(change) else lambda _: change
     random, tables, measured = np.random.default_rng(seed), [], []
     t = np.arange(0, 8, 0.02)
     for r in range(n_records):
         waves = random.uniform(0.3, 2.5, 3), random.uniform(0, 2 * np.pi, 3)
         F = 4 * np.sin(2 * np.pi * np.outer(t, waves[0]) + waves[1]).sum(axis=1)
-        values = {"m": 2.0, "d": 1.6, "k": 50.0} | (change if r in others else {})
+        values = {"m": 2.0, "d": 1.6, "k": 50.0} | (of(r) if r in others else {})
         zero = values.pop("zero", 0.0)
         run = rig.with_parameters(**values).simulate(t, F, substeps=4)
         tables.append(pd.DataFrame({"trajectory": f"run_{r}", "t": t, "F": F}))
@@ -94,6 +98,35 @@ def test_what_differs_is_named_with_its_records(change, others, n_records, cause
     usual = {"m": 2.0, "d": 1.6, "k": 50.0}[name]
     expected = value - usual
     assert estimate.low <= expected <= estimate.high
+
+
+@pytest.mark.slow
+def test_an_onset_within_windows_as_long_as_the_records_is_found():
+    X, y = with_onset(31, {"d": 2.4}, 3.3, n_records=6)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES, window_length=8.0).fit(X, y)
+    ((effect, target),) = named(diagnosis)
+    assert effect == "parameter_difference"
+    assert target.startswith("d(in_run_1__since_")
+    assert diagnosis.causes_[0].onset.value == pytest.approx(3.3, abs=0.03 * 8.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "step"), [("d", 0.25), ("k", -1.5), ("zero", 0.001)])
+def test_what_changes_from_record_to_record_is_a_trend(name, step):
+    usual = {"d": 1.6, "k": 50.0, "zero": 0.0}[name]
+    X, y = records(5, lambda r: {name: usual + step * r}, range(6))
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    target = f"{'x_m' if name == 'zero' else name}(in_sequence)"
+    assert named(diagnosis) == [
+        ("sensor_bias_difference" if name == "zero" else "parameter_difference", target)
+    ]
+    assert diagnosis.remaining_.kind == "noise"
+    assert diagnosis.groups_ == {"in_sequence": tuple(f"run_{r}" for r in range(6))}
+    (estimate,) = diagnosis.causes_[0].parameters.values()
+    assert estimate.low <= 5 * step <= estimate.high
+    with pytest.warns(RecordWarning, match="from 0 in run_0 to 1 in run_5, got none: .* the last"):
+        last = diagnosis.predict(X[X["trajectory"] == "run_5"])
+    assert np.std(last.ravel() - y[X["trajectory"] == "run_5"]) < 3.0 * NOISE
 
 
 @pytest.mark.slow

@@ -23,6 +23,8 @@ IN = "in_"
 AND = "__"
 #: and before the time from which on they differ
 SINCE = "__since_"
+#: the column that rises in equal steps from zero in the first record to one in the last
+TREND = f"{IN}sequence"
 #: share of its value that a parameter at least keeps where its bounds set no limit
 LEFT = 0.001
 
@@ -34,14 +36,36 @@ def where_of(column: str) -> str:
     --------
     >>> where_of("in_run_2__run_4__run_6"), where_of("in_run_2__since_12p5")
     ('in run_2, run_4 and run_6', 'in run_2 since 12.5 s')
-    >>> where_of("in_all__since_60")
-    'since 60 s'
+    >>> where_of("in_all__since_60"), where_of("in_sequence")
+    ('since 60 s', 'from record to record')
     """
+    if column == TREND:
+        return "from record to record"
     records, _, onset = column.removeprefix(IN).partition(SINCE)
     *first, last = records.split(AND)
     where = f"in {', '.join(first)} and {last}" if first else f"in {last}"
     since = f"since {onset.replace('p', '.')} s" if onset else ""
     return since if since and records == "all" else f"{where} {since}".rstrip()
+
+
+def mark_of(column: str, records: tuple[str, ...]) -> tuple[float, str]:
+    """Return the value of a group's column where it is not given, and what is said of it.
+
+    Examples
+    --------
+    >>> mark_of("in_sequence", ("run_1", "run_3"))
+    (1.0, 'from 0 in run_1 to 1 in run_3, got none: all are taken to be like the last')
+    """
+    if column == TREND:
+        return 1.0, (
+            f"from 0 in {records[0]} to 1 in {records[-1]}, got none: all are taken to be like the "
+            f"last"
+        )
+    of = ", ".join(records)
+    return 0.0, (
+        f"1 in trajectories like {of} and 0 in others, got none: all are taken to be like the "
+        f"others"
+    )
 
 
 def is_mark(model: PhysicsModel, name: str) -> bool:
@@ -84,7 +108,10 @@ class Difference(Effect):
     def title(cls, target: str) -> str:
         """Return what differs, and where."""
         what, column = parts(target)
-        return f"another {cls.phrase.format(target=what)} {where_of(column)}"
+        phrase = cls.phrase.format(target=what)
+        if column == TREND:
+            return f"{phrase} that changes {where_of(column)}"
+        return f"another {phrase} {where_of(column)}"
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return the unit of the quantity."""
@@ -143,6 +170,8 @@ class ParameterDifference(Difference):
         usual = values[parameter].value
         there = usual + values[self.names()["difference"]].value
         said = [f"{value:.4g} {unit}".rstrip() for value in (usual, there)]
+        if column == TREND:
+            return f"{parameter} goes from {said[0]} in the first record to {said[1]} in the last."
         return f"{parameter} is {said[0]}, and {said[1]} {where_of(column)}."
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
