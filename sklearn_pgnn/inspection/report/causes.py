@@ -82,7 +82,7 @@ def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
     return [
         {
             **_cause(diagnosis, cause),
-            "worth": f"{times(part.before)} → {times(part.after)}",
+            "worth": f"{times(part.before).removesuffix(' ×')} → {times(part.after)}",
             "members": [_member(diagnosis, member) for member in members.get(number_, ())],
         }
         for number_, (cause, part) in enumerate(zip(diagnosis.causes_, worth, strict=True))

@@ -6,24 +6,61 @@ import numpy as np
 from markupsafe import Markup
 
 from sklearn_pgnn.diagnosis.free_run import free_runs
-from sklearn_pgnn.inspection.display import called, typical
+from sklearn_pgnn.inspection.display import called
+from sklearn_pgnn.inspection.numbers import fit_text
+from sklearn_pgnn.inspection.runs import fit_percentage
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
-from sklearn_pgnn.inspection.yardstick import MODELS, shown_models
+from sklearn_pgnn.inspection.yardstick import MODELS, ToldError, shown_models, told_error
 
 #: the band of the noise, in standard deviations; and from how many on an error is marked
 BAND, FAR = 2.0, 8.0
+#: class and name of what was measured, for a legend
+MEASURED = ("measured", "measured")
 
 
-def curve_sections(diagnosis) -> tuple[dict, dict, list[dict]]:
-    """Return the curves of a typical record in free run and over windows, then all others."""
-    records, drawn = diagnosis.records_, shown_models(diagnosis)
+def curve_sections(diagnosis) -> dict:
+    """Return the curves that tell most, those of their record in full, and of all others."""
+    records, drawn, told = diagnosis.records_, shown_models(diagnosis), told_error(diagnosis)
     windowed = {which: records.windows.y - records.fits[which].residual for which in drawn}
     free = {which: np.concatenate([r.y for r in free_runs(records, which)]) for which in drawn}
-    first = typical(records)
+    first = _missed_most(diagnosis, told, free if told.is_free else windowed)
     others = [_curves(diagnosis, free, k) for k in range(len(records.names)) if k != first]
-    over_windows = _curves(diagnosis, windowed, first, restarts=True)
-    return _curves(diagnosis, free, first), over_windows, others
+    return {
+        "telling": _telling(diagnosis, told, free if told.is_free else windowed, first),
+        "windowed": _curves(diagnosis, windowed, first, restarts=True),
+        "free_run": _curves(diagnosis, free, first),
+        "other_records": others,
+        "curve_keys": keys(diagnosis),
+    }
+
+
+def _missed_most(diagnosis, told: ToldError, simulated: Mapping) -> int:
+    """Return the record in which the model as given misses an output most."""
+    windows, i = diagnosis.records_.windows, list(diagnosis.model.outputs).index(told.output)
+    y, seen = windows.y[:, i], np.isfinite(windows.y[:, i])
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.where(seen, (y - simulated["prior"][:, i]) ** 2, 0.0)
+        means = np.add.reduceat([squares, seen], windows.bounds[:-1], axis=1)
+    return int(np.argmax(np.nan_to_num(means[0] / np.maximum(means[1], 1), nan=np.inf)))
+
+
+def _telling(diagnosis, told: ToldError, simulated: Mapping, record: int) -> dict:
+    """Return one output of a record: measured, as given, and with all found, with their fits."""
+    windows, i = diagnosis.records_.windows, list(diagnosis.model.outputs).index(told.output)
+    rows = slice(windows.bounds[record], windows.bounds[record + 1])
+    t, y, (first, *_, best) = windows.t[rows], windows.y[rows, i], keys(diagnosis)[1:]
+    runs = {css: simulated[css.split()[0]][rows, i] for css, _ in (first, best)}
+    fits = {css: fit_text(float(fit_percentage(y, run)[0]), 1) for css, run in runs.items()}
+    named = [(css, f"{said}, fit {fits[css]}") for css, said in (first, best)]
+    title = called(diagnosis.records_.names[record], record, len(diagnosis.records_.names))
+    about = f"{told.output} of {title}: measured; {'; '.join(said for _, said in named)}"
+    plot = Plot(Scale.over(t, room=0), in_sight(y, runs.values()), about, "telling")
+    plot.line(t, y, "measured", "measured")
+    for css, said in named:
+        plot.line(t, runs[css], css, said)
+    shown = [(label(told.output, told.unit), plot.html())]
+    return {"title": title, "is_free": told.is_free, "legend": [MEASURED, *named], "plots": shown}
 
 
 def _curves(diagnosis, simulated: Mapping, record: int, *, restarts: bool = False) -> dict:
@@ -78,7 +115,7 @@ def _shade_windows(plot: Plot, windows, record: int) -> None:
 def keys(diagnosis) -> list[tuple[str, str]]:
     """Return the class and the name of every curve, for a legend."""
     *others, (best, said) = shown_models(diagnosis).items()
-    return [("measured", "measured"), *others, (f"{best} best", said)]
+    return [MEASURED, *others, (f"{best} best", said)]
 
 
 def input_plot(t, u, name: str, unit: str) -> tuple[str, Markup]:

@@ -1,4 +1,4 @@
-"""The top of a report: the four tiles, and the bar of what removes which part of the error."""
+"""The top of a report: its tiles, and the bar of what removes which part of the error."""
 
 import math
 from dataclasses import dataclass
@@ -7,16 +7,17 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import count_parameters
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.cause_names import cause_name
-from sklearn_pgnn.inspection.numbers import chance, times
-from sklearn_pgnn.inspection.report.parameters import ParameterFacts, parameter_facts
+from sklearn_pgnn.inspection.numbers import chance, free_run_error, times
+from sklearn_pgnn.inspection.report.parameters import parameter_facts
 from sklearn_pgnn.inspection.words import rivals
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     left_alone,
     over_windows,
-    retuning_counts,
+    ratio,
     shown_models,
     together,
+    told_error,
 )
 from sklearn_pgnn.record_quality.finding import listed
 
@@ -94,20 +95,10 @@ class Tile:
     headline: str
     text: str
 
-    @property
-    def meaning(self) -> str:
-        """What the colour says, in words."""
-        return STATES[self.state]
-
 
 def make_tiles(diagnosis) -> tuple[Tile, ...]:
-    """Return the four tiles."""
-    return (
-        _left(diagnosis),
-        _sure(diagnosis),
-        _records(diagnosis),
-        _parameters(diagnosis, parameter_facts(diagnosis)),
-    )
+    """Return the error and how sure it is, then what else is to be looked at."""
+    return (_error(diagnosis), _sure(diagnosis), *_doubts(diagnosis))
 
 
 def worst(tiles) -> str:
@@ -121,25 +112,26 @@ def worst(tiles) -> str:
     return max((tile.state for tile in tiles), key=list(STATES).index)
 
 
-# -- what is left ----------------------------------------------------------------------------------
+# -- the error -------------------------------------------------------------------------------------
 
 
-def _left(diagnosis) -> Tile:
-    """Return the tile of the output of which most is left."""
-    windows = over_windows(diagnosis)
-    left = {name: errors.best for name, errors in windows.items()}
-    output = max(left, key=lambda name: left[name] if math.isfinite(left[name]) else math.inf)
-    errors, run = windows[output], in_free_run(diagnosis)[output]
-    tells = diagnosis.free_run_[output].tells
-    much = not errors.best <= MUCH or (tells and not run.best <= MUCH)
+def _error(diagnosis) -> Tile:
+    """Return the tile of the error that tells most; its state is that of the worst output."""
+    told, models = told_error(diagnosis), shown_models(diagnosis)
+    errors = [e.best for e in over_windows(diagnosis).values()]
+    runs = in_free_run(diagnosis).items()
+    errors += [e.best for output, e in runs if diagnosis.free_run_[output].tells]
+    much = not all(error <= MUCH for error in errors)
     structured = diagnosis.remaining_.kind == "structure" and diagnosis.discrepancy_ is None
-    of = f" of {output}" if len(windows) > 1 else ""
-    *others, (_, last) = shown_models(diagnosis).items()
-    by = ", ".join(f"{said} {times(getattr(errors, which))}" for which, said in others)
-    free = times(run.best) if tells else "not informative"
-    text = f"left{of} over held-out windows {last} ({by}); in free run {free}"
     state = "bad" if much and structured else "look" if much or structured else "good"
-    return Tile(state, "What is left", f"{times(errors.best)} noise", text)
+    before, *between, after = map(free_run_error, told.by_model.values())
+    about = f"Error of {told.output} {'in free run' if told.is_free else 'over held-out windows'}"
+    first, *names, last = models.values()
+    middle = listed(f"{name} {e}" for name, e in zip(names, between, strict=True))
+    noise = diagnosis.gain_[told.output].noise
+    left = f"left: {times(ratio(told.by_model[list(models)[-1]], noise))} the noise"
+    text = f"{first} → {last}{middle and f' ({middle})'}, root mean square of all records; {left}"
+    return Tile(state, about, f"{before} → {after} {told.unit}".rstrip(), text)
 
 
 # -- how sure --------------------------------------------------------------------------------------
@@ -184,51 +176,28 @@ def _runner_up(diagnosis) -> str:
             more = count_parameters(known[effect](target)) > most
             which = ", which has more parameters, leaves" if more else ", leaves"
             alone = " alone" if len(named) != 1 else ""
-            left = f"{times(candidate.left)}{alone}"
+            left = f"an error of {times(candidate.left)} the noise{alone}"
             return f"the runner-up, {cause_name(effect, target)}{which} {left}"
     return ""
 
 
-# -- records and parameters ------------------------------------------------------------------------
+# -- what else is to be looked at ------------------------------------------------------------------
 
 
-def _records(diagnosis) -> Tile:
-    faults, about = diagnosis.data_quality_, "Faults of the records"
-    if not faults:
-        early = diagnosis.stopped_ is not None
-        text = "not all checks were made" if early else "in the records, by all checks"
-        return Tile("look" if early else "good", about, "0 faults", text)
-    count = f"{len(faults)} {'fault' if len(faults) == 1 else 'faults'}"
+def _doubts(diagnosis) -> list[Tile]:
+    """Return a tile of the records and one of the parameters, where they are to be looked at."""
+    faults, facts = diagnosis.data_quality_, parameter_facts(diagnosis)
+    found = ((facts.at_limit, "at a limit"), (facts.unidentified, "not determined by the records"))
+    limits = "; ".join(f"{listed(names)} {what}" for names, what in found if names)
     kinds = listed(f"{fault.kind} of {fault.where}" for fault in faults)
-    return Tile("look", about, count, kinds)
-
-
-def _parameters(diagnosis, facts: ParameterFacts) -> Tile:
-    found = (
-        (facts.at_limit, "at a limit"),
-        (facts.unidentified, "not determined by the records"),
-        (facts.changed, "changed beyond the interval"),
+    if not faults and diagnosis.stopped_ is not None:
+        kinds = "not all checks were made"
+    tiles = (
+        (
+            "Faults of the records",
+            f"{len(faults)} {'fault' if len(faults) == 1 else 'faults'}",
+            kinds,
+        ),
+        ("Parameters", f"{len({*facts.at_limit, *facts.unidentified})} in doubt", limits),
     )
-    said = "; ".join(f"{listed(names)} {what}" for names, what in found if names)
-    if facts.at_limit:
-        return Tile("look", "Parameters", f"{len(facts.at_limit)} at a limit", said)
-    if facts.unidentified:
-        count = len(facts.unidentified)
-        return Tile("look", "Parameters", f"{count} not identifiable", said)
-    if facts.changed:
-        headline = f"{len(facts.changed)} changed"
-        return Tile("good", "Parameters", headline, f"{said}; none at a limit")
-    return _unchanged(diagnosis)
-
-
-def _unchanged(diagnosis) -> Tile:
-    """Return the tile where no single parameter left its interval, whatever all did together."""
-    text = "the interval of each holds the given value; none at a limit"
-    found = ["cause" if len(diagnosis.causes_) == 1 else "causes"] if diagnosis.causes_ else []
-    found += [] if diagnosis.discrepancy_ is None else ["formula"]
-    if found or not retuning_counts(diagnosis):
-        beside = f"with the {listed(found)} in the model, " if found else ""
-        return Tile("good", "Parameters", "as given", f"{beside}{text}")
-    errors = together(diagnosis)
-    worth = f"{times(errors.prior)} → {times(errors.refitted)} noise"
-    return Tile("good", "Parameters", "changed jointly", f"{worth}; yet {text}")
+    return [Tile("look", *each) for each in tiles if each[-1]]
