@@ -57,14 +57,8 @@ def test_where_a_parameter_differs_between_records_no_physics_is_called_missing(
 
 def test_what_is_likelier_than_every_name_stands_beside_the_names():
     rival = SimpleNamespace(effect="input_bias", target="F", probability=0.03)
-    cause = SimpleNamespace(
-        effect="coulomb_friction",
-        target="v",
-        parameters={},
-        probability=0.2,
-        outside=0.7,
-        confused_with=(rival,),
-    )
+    sure = {"probability": 0.2, "outside": 0.7, "parameters": {}, "confused_with": (rival,)}
+    cause = SimpleNamespace(effect="coulomb_friction", target="v", **sure)
     found = SimpleNamespace(causes_=(cause,))
     assert words._others(found) == f"input bias of F or {words.UNNAMED} in its place"
     assert finding._alternatives(cause).endswith(f"input bias of F or {words.UNNAMED}")

@@ -34,7 +34,8 @@ class Member:
         """Its parameters: name, value and unit."""
         found = self.fit.model.parameters
         own = {field: found[name] for field, name in self.effect.names().items() if name in found}
-        return [(field.replace("_", " "), p.value, p.unit) for field, p in own.items()]
+        said = self.effect.words
+        return [(said.get(f, f.replace("_", " ")), p.value, p.unit) for f, p in own.items()]
 
 
 def all_members(diagnosis) -> dict[int, list[Member]]:

@@ -24,14 +24,17 @@ def curve_sections(diagnosis) -> dict:
     records, drawn, told = diagnosis.records_, shown_models(diagnosis), told_error(diagnosis)
     windowed = {which: records.windows.y - records.fits[which].residual for which in drawn}
     free = {which: np.concatenate([r.y for r in free_runs(records, which)]) for which in drawn}
+    *others, (best, said) = drawn.items()
+    legend = [MEASURED, *others, (f"{best} best", said)]
     first = _missed_most(diagnosis, told, free if told.is_free else windowed)
-    others = [_curves(diagnosis, free, k) for k in range(len(records.names)) if k != first]
     return {
         "telling": _telling(diagnosis, told, free if told.is_free else windowed, first),
         "windowed": _curves(diagnosis, windowed, first, restarts=True),
         "free_run": _curves(diagnosis, free, first),
-        "other_records": others,
-        "curve_keys": keys(diagnosis),
+        "other_records": [
+            _curves(diagnosis, free, k) for k in range(len(records.names)) if k != first
+        ],
+        "curve_keys": legend,
     }
 
 
@@ -49,10 +52,11 @@ def _telling(diagnosis, told: ToldError, simulated: Mapping, record: int) -> dic
     """Return one output of a record: measured, as given, and with all found, with their fits."""
     windows, i = diagnosis.records_.windows, list(diagnosis.model.outputs).index(told.output)
     rows = slice(windows.bounds[record], windows.bounds[record + 1])
-    t, y, (first, *_, best) = windows.t[rows], windows.y[rows, i], keys(diagnosis)[1:]
-    runs = {css: simulated[css.split()[0]][rows, i] for css, _ in (first, best)}
-    fits = {css: fit_text(float(fit_percentage(y, run)[0]), 1) for css, run in runs.items()}
-    named = [(css, f"{said}, fit {fits[css]}") for css, said in (first, best)]
+    t, y, (best, run) = windows.t[rows], windows.y[rows, i], list(simulated.items())[-1]
+    runs = {"prior": simulated["prior"][rows, i], f"{best} best": run[rows, i]}
+    fits = (fit_text(float(fit_percentage(y, run)[0]), 1) for run in runs.values())
+    said = (MODELS["prior"], MODELS[best])
+    named = [(css, f"{who}, fit {fit}") for css, who, fit in zip(runs, said, fits, strict=True)]
     title = called(diagnosis.records_.names[record], record, len(diagnosis.records_.names))
     about = f"{told.output} of {title}: measured; {'; '.join(said for _, said in named)}"
     plot = Plot(Scale.over(t, room=0), in_sight(y, runs.values()), about, "telling")
@@ -110,12 +114,6 @@ def _shade_windows(plot: Plot, windows, record: int) -> None:
     for start, length in zip(windows.starts[own], windows.lengths[own], strict=True):
         ends = windows.t[start], windows.t[start + length - 1]
         plot.shade(*ends, "window", "a window")
-
-
-def keys(diagnosis) -> list[tuple[str, str]]:
-    """Return the class and the name of every curve, for a legend."""
-    *others, (best, said) = shown_models(diagnosis).items()
-    return [MEASURED, *others, (f"{best} best", said)]
 
 
 def input_plot(t, u, name: str, unit: str) -> tuple[str, Markup]:

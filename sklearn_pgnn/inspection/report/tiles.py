@@ -140,7 +140,7 @@ def _error(diagnosis) -> Tile:
 def _sure(diagnosis) -> Tile:
     about = "How sure"
     if diagnosis.causes_ and not diagnosis.tested_:
-        return Tile("look", about, "not tested", "the search ended early")
+        return Tile("look", about, "provisional", "not tested, for the search ended early")
     if diagnosis.causes_:
         return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
     if diagnosis.verdict_ == "unexplained":
@@ -150,7 +150,9 @@ def _sure(diagnosis) -> Tile:
             return Tile("bad", about, "no cause", said)
         return Tile("look", about, "a formula, no cause", f"it describes the records; {said}")
     if not diagnosis.complete_:
-        return Tile("look", about, "not complete", "the search ended early")
+        return Tile("look", about, "provisional", "the search ended early")
+    if diagnosis.verdict_ == "predicts_nothing":
+        return Tile("bad", about, "nothing can be told", "the model runs away from the records")
     parts = ("no candidate of the catalogue improves it", _runner_up(diagnosis))
     return Tile("good", about, "nothing named", "; ".join(filter(None, parts)))
 

@@ -61,15 +61,11 @@ def test_what_neither_name_nor_formula_describes_is_red():
 
 @pytest.mark.parametrize("in_free_run", [{}, {"v": 9.0}])
 def test_the_title_of_no_cause_says_the_most_that_is_left(in_free_run):
-    found = changed(
-        "adequate",
-        verdict_="nothing_found",
-        remaining_=Remaining("disturbance", {"v": 3.0}, in_free_run=in_free_run),
-    )
+    left = Remaining("disturbance", {"v": 3.0}, in_free_run=in_free_run)
+    found = changed("adequate", verdict_="nothing_found", remaining_=left)
     windows = [errors.extended for errors in over_windows(found).values()]
-    assert title(found).endswith(
-        f"{times(max([*windows, *in_free_run.values()]))} the noise is left"
-    )
+    most = times(max([*windows, *in_free_run.values()]))
+    assert title(found).endswith(f"{most} the noise is left")
 
 
 def test_a_parameter_at_its_limit_is_amber():
@@ -102,7 +98,7 @@ RIVAL = {"probability": 0.7, "confused_with": (Rival("input_bias", "F", 0.3),)}
 UNTESTED = {"probability": math.nan, "tested": False}
 
 
-@pytest.mark.parametrize(("doubt", "headline"), [(RIVAL, "70 %"), (UNTESTED, "not tested")])
+@pytest.mark.parametrize(("doubt", "headline"), [(RIVAL, "70 %"), (UNTESTED, "provisional")])
 def test_one_doubtful_cause_is_enough(doubt, headline):
     (cause,) = (replace(cause, **doubt) for cause in situation("named").causes_)
     found = changed("named", causes_=(cause,), tested_=cause.tested, complete_=cause.tested)
