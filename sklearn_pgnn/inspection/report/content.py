@@ -29,7 +29,7 @@ from sklearn_pgnn.inspection.report.finding import leaves_more, next_step, title
 from sklearn_pgnn.inspection.report.formula import FoundFormula, told_formula
 from sklearn_pgnn.inspection.report.parameters import correlation, forest
 from sklearn_pgnn.inspection.report.provenance import Provenance, method, versions
-from sklearn_pgnn.inspection.report.tiles import STATES, make_tiles, segments_of_bar, worst
+from sklearn_pgnn.inspection.report.tiles import STATES, make_tiles, worst
 from sklearn_pgnn.inspection.words import (
     NOT_COMPARED,
     early_end,
@@ -109,7 +109,6 @@ def _top(diagnosis) -> dict:
         "more": [early_end(diagnosis), more, remaining_sentence(diagnosis)],
         "tiles": tiles,
         "states": STATES,
-        "bar": segments_of_bar(diagnosis),
         "next_step": next_step(diagnosis),
         "data_quality": diagnosis.data_quality_,
     }

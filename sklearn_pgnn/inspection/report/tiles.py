@@ -1,4 +1,4 @@
-"""The top of a report: its tiles, and the bar of what removes which part of the error."""
+"""The tiles at the top of a report: the error, how sure it is, and what is to be looked at."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,6 @@ from sklearn_pgnn.inspection.yardstick import (
     over_windows,
     ratio,
     shown_models,
-    together,
     told_error,
 )
 from sklearn_pgnn.record_quality.finding import listed
@@ -25,65 +24,6 @@ from sklearn_pgnn.record_quality.finding import listed
 STATES = {"good": "OK", "look": "look at this", "bad": "not OK"}
 #: probability from which on a cause counts as sure
 SURE = 0.95
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part of the given model's error: before and after it, in units of the noise."""
-
-    kind: str
-    name: str
-    before: float
-    after: float
-
-    @property
-    def size(self) -> float:
-        """The part of the error, in units of the noise; not below zero."""
-        return max(self.before - self.after, 0.0)
-
-
-def parts_of_error(diagnosis) -> list[Part]:
-    """Return the given model's error, part by part, from re-tuning down to the noise."""
-    errors = together(diagnosis)
-    parts = [Part("retuning", "re-tuning", errors.prior, errors.refitted)]
-    level = errors.refitted
-    for cause in diagnosis.causes_:
-        after = level * (1.0 - cause.gain / 100.0)
-        parts.append(Part("cause", cause_name(cause.effect, cause.target), level, after))
-        level = after
-    if diagnosis.discrepancy_ is not None:
-        parts.append(Part("formula", "the formula", errors.extended, errors.formula))
-    noise = min(errors.best, 1.0)
-    if errors.best > noise:
-        parts.append(Part("left", "left over", errors.best, noise))
-    parts.append(Part("noise", "noise", noise, 0.0))
-    return parts
-
-
-def segments_of_bar(diagnosis) -> list[dict]:
-    """Return the bar of the parts, in percent of the whole; empty where an error is not finite."""
-    parts = parts_of_error(diagnosis)
-    whole = sum(part.size for part in parts)
-    if not (math.isfinite(whole) and whole > 0):
-        return []
-    segments, start = [], 0.0
-    for part in parts:
-        width = 100.0 * part.size / whole
-        css = "left-over" if part.kind == "left" else part.kind
-        place = {"start": f"{start:.2f}", "width": f"{width:.2f}"}
-        segments.append({"size": part.size, "css": css, "text": _said(part), **place})
-        start += width
-    return segments
-
-
-def _said(part: Part) -> str:
-    if part.kind == "noise":
-        return f"noise: {times(part.before)}"
-    if part.kind == "left":
-        return f"left over: {times(part.before)}, of which {times(part.after)} is noise"
-    if not part.size:
-        return f"{part.name}: nothing"
-    return f"{part.name}: {times(part.before)} → {times(part.after)}"
 
 
 @dataclass(frozen=True)
@@ -117,20 +57,24 @@ def worst(tiles) -> str:
 
 def _error(diagnosis) -> Tile:
     """Return the tile of the error that tells most; its state is that of the worst output."""
-    told, models = told_error(diagnosis), shown_models(diagnosis)
-    errors = [e.best for e in over_windows(diagnosis).values()]
-    runs = in_free_run(diagnosis).items()
-    errors += [e.best for output, e in runs if diagnosis.free_run_[output].tells]
-    much = not all(error <= MUCH for error in errors)
+    told, models, runs = told_error(diagnosis), shown_models(diagnosis), in_free_run(diagnosis)
+    left = {
+        name: max(e.best, runs[name].best if diagnosis.free_run_[name].tells else 0.0)
+        for name, e in over_windows(diagnosis).items()
+    }
+    much = [name for name, error in left.items() if not error <= MUCH]
     structured = diagnosis.remaining_.kind == "structure" and diagnosis.discrepancy_ is None
     state = "bad" if much and structured else "look" if much or structured else "good"
     before, *between, after = map(free_run_error, told.by_model.values())
-    about = f"Error of {told.output} {'in free run' if told.is_free else 'over held-out windows'}"
     first, *names, last = models.values()
     middle = listed(f"{name} {e}" for name, e in zip(names, between, strict=True))
-    noise = diagnosis.gain_[told.output].noise
-    left = f"left: {times(ratio(told.by_model[list(models)[-1]], noise))} the noise"
-    text = f"{first} → {last}{middle and f' ({middle})'}, root mean square of all records; {left}"
+    known = ratio(list(told.by_model.values())[-1], diagnosis.gain_[told.output].noise)
+    others = "".join(f", {times(left[name])} of {name}" for name in much if name != told.output)
+    text = (
+        f"{first} → {last}{middle and f' ({middle})'}, root mean square of all records; "
+        f"left: {times(known)} the noise{others}"
+    )
+    about = f"Error of {told.output} {'in free run' if told.is_free else 'over held-out windows'}"
     return Tile(state, about, f"{before} → {after} {told.unit}".rstrip(), text)
 
 
