@@ -1,6 +1,7 @@
 """Curves of every record: measured and simulated, the errors on their own scale, the inputs."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 from markupsafe import Markup
@@ -15,6 +16,8 @@ from sklearn_pgnn.inspection.yardstick import MODELS, ToldError, shown_models, t
 
 #: the band of the noise, in standard deviations; and from how many on an error is marked
 BAND, FAR = 2.0, 8.0
+#: a record in which an output moves by less than this share of its farthest is quiet
+QUIET = 0.1
 #: class and name of what was measured, for a legend
 MEASURED = ("measured", "measured")
 
@@ -39,13 +42,14 @@ def curve_sections(diagnosis) -> dict:
 
 
 def _missed_most(diagnosis, told: ToldError, simulated: Mapping) -> int:
-    """Return the record in which the model as given misses an output most."""
+    """Return the record that the model as given fits worst, of those in which the output moves."""
     windows, i = diagnosis.records_.windows, list(diagnosis.model.outputs).index(told.output)
-    y, seen = windows.y[:, i], np.isfinite(windows.y[:, i])
-    with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.where(seen, (y - simulated["prior"][:, i]) ** 2, 0.0)
-        means = np.add.reduceat([squares, seen], windows.bounds[:-1], axis=1)
-    return int(np.argmax(np.nan_to_num(means[0] / np.maximum(means[1], 1), nan=np.inf)))
+    y, run = windows.y[:, i], simulated["prior"][:, i]
+    rows = [slice(*ends) for ends in pairwise(windows.bounds)]
+    reach = np.nan_to_num([np.fmax.reduce(y[each]) - np.fmin.reduce(y[each]) for each in rows])
+    fits = [float(fit_percentage(y[each], run[each])[0]) for each in rows]
+    moves = (reach >= QUIET * reach.max()) & ~np.isnan(fits)
+    return int(np.argmin(np.where(moves, fits, np.inf)))
 
 
 def _telling(diagnosis, told: ToldError, simulated: Mapping, record: int) -> dict:
