@@ -65,8 +65,8 @@ def _telling(diagnosis, told: ToldError, simulated: Mapping, record: int) -> dic
     about = f"{told.output} of {title}: measured; {'; '.join(said for _, said in named)}"
     plot = Plot(Scale.over(t, room=0), in_sight(y, runs.values()), about, "telling")
     plot.line(t, y, "measured", "measured")
-    for css, said in named:
-        plot.line(t, runs[css], css, said)
+    for css, text in named:
+        plot.line(t, runs[css], css, text)
     shown = [(label(told.output, told.unit), plot.html())]
     return {"title": title, "is_free": told.is_free, "legend": [MEASURED, *named], "plots": shown}
 
