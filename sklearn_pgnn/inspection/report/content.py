@@ -106,7 +106,7 @@ def _top(diagnosis) -> dict:
         "verdict": diagnosis.verdict_,
         "verdict_title": verdict_line(diagnosis),
         "sentence": sentence,
-        "more": [early_end(diagnosis), more, remaining_sentence(diagnosis)],
+        "more": " ".join((early_end(diagnosis), more, remaining_sentence(diagnosis))).strip(),
         "tiles": tiles,
         "states": STATES,
         "next_step": next_step(diagnosis),
