@@ -6,11 +6,12 @@ The page to drop files on, with the example that it offers, and the top of a rep
 import shutil
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Thread
 
 from playwright.sync_api import sync_playwright
 
-from sklearn_pgnn.cli.app.server import listen, make_server
+from sklearn_pgnn.cli.app.server import listen, make_server, new_secret
 
 FOLDER = Path(__file__).parent / "_static"
 #: the system's; if it has none, the one that ``playwright install chromium`` brings
@@ -20,15 +21,16 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 @contextmanager
 def served():
     """Serve the page on a free port; yield its address."""
-    listening = listen(0)
-    server = make_server(listening)
-    thread = Thread(target=server.run, kwargs={"sockets": [listening]})
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{listening.getsockname()[1]}/"
-    finally:
-        server.should_exit = True
-        thread.join()
+    listening, secret = listen(0), new_secret()
+    with TemporaryDirectory() as folder:
+        server = make_server(listening, secret, Path(folder))
+        thread = Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{listening.getsockname()[1]}/{secret}/"
+        finally:
+            server.should_exit = True
+            thread.join()
 
 
 def main():

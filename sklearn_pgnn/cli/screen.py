@@ -20,7 +20,7 @@ from sklearn_pgnn.cli.tables import (
 )
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
-from sklearn_pgnn.inspection.cause_names import cause_name
+from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
 from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
 from sklearn_pgnn.inspection.remedies import spread_sentence
@@ -105,10 +105,7 @@ def _print_cause(
     heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
     if cause.summary:
         say(console, cause.summary)
-    rows = [
-        (name.replace("_", " "), measured(e.value, e.low, e.high, e.unit))
-        for name, e in cause.parameters.items()
-    ]
+    rows = list(sizes_of(cause).items())
     worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
     rows.append(("gain", f"error on held-out windows {worth}"))
     if cause.probability < SURE:

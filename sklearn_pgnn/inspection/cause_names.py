@@ -18,7 +18,8 @@ def candidate_name(effect: str, target: str) -> str:
 
 def sizes_of(cause) -> dict[str, str]:
     """Return the sizes of a named cause with their intervals, by what each is called."""
+    found, words = cause.parameters.items(), find_effect(cause.effect).words
     return {
-        field.replace("_", " "): measured(e.value, e.low, e.high, typeset_unit(e.unit))
-        for field, e in cause.parameters.items()
+        words.get(field, field.replace("_", " ")): measured(e.value, e.low, e.high, unit)
+        for field, e, unit in ((field, e, typeset_unit(e.unit)) for field, e in found)
     }

@@ -95,7 +95,7 @@ def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
     if port is None or not case.shows(port) or curve.over is None:
         return None
     over, unit, x = _abscissa(case, curve)
-    what = _what_is_missing(model, port)
+    what = effort_name(model, port)
     return Evidence(
         title=f"Missing {what} over {over}",
         x_label=label(over, unit),
@@ -187,7 +187,7 @@ def _effort(case: Case, port: Port) -> sympy.Expr:
     return -added * (inertia_at(port, case.full) if len(port.rates) == 1 else 1 / mobility)
 
 
-def _what_is_missing(model: PhysicsModel, port: Port) -> str:
+def effort_name(model: PhysicsModel, port: Port) -> str:
     """Return the name of the effort at a port."""
     moving = is_moving(model, port)
     if not port.is_power(model):

@@ -20,8 +20,8 @@ REMEDY = (
 )
 
 
-def runaway_sentence(diagnosis) -> str:
-    """Return what was expected of the model, what came, and where."""
+def runaway_sentences(diagnosis) -> tuple[str, str]:
+    """Return where a model runs away, then what was expected of it and what came."""
     windows = diagnosis.records_.windows
     counts = np.isfinite(windows.y[windows.rows]).sum(axis=0)
     squares = squares_without_model(windows, free_values(diagnosis.model))
@@ -34,9 +34,9 @@ def runaway_sentence(diagnosis) -> str:
     return (
         f"Nothing can be told: over windows of {number(diagnosis.window_, 3)} s the re-tuned model "
         f"runs away from the records, as that of an unstable machine does, or of one that a "
-        f"controller holds against a load that is not recorded. It predicts no output "
-        f"better than is possible without a model, by carrying on as at the start: its error is "
-        f"{listed(came)}. No cause is named that merely ends the divergence."
+        f"controller holds against a load that is not recorded.",
+        f"It predicts no output better than is possible without a model, by carrying on as at the "
+        f"start: its error is {listed(came)}. No cause is named that merely ends the divergence.",
     )
 
 

@@ -9,12 +9,12 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
-from sklearn_pgnn.inspection.remedies import known_sentence, runaway_sentence
+from sklearn_pgnn.inspection.remedies import known_sentence, runaway_sentences
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     is_adequate_as_given,
     over_windows,
-    shown_models,
+    told_error,
 )
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.effects.rates import is_moving
@@ -57,22 +57,33 @@ def held_beside(cause, causes) -> str:
 
 
 def verdict_sentence(diagnosis) -> str:
-    """Return the verdict of a diagnosis in plain words."""
-    said = _SAID[diagnosis.verdict_](diagnosis)
-    if diagnosis.stopped_:
-        is_whole = diagnosis.complete_
-        left = "the search was complete" if is_whole else "this is the best result so far"
-        said = f"Ended early ({diagnosis.stopped_}); {left}. {said}"
-    return said.rstrip()
+    """Return the verdict of a diagnosis in plain words, and what else is to be said of it."""
+    return " ".join(filter(None, (early_end(diagnosis), *told_verdict(diagnosis))))
 
 
-def _so_far(diagnosis) -> str:
+def told_verdict(diagnosis) -> tuple[str, str]:
+    """Return the verdict of a diagnosis in one sentence, and what else is to be said of it."""
+    said, *more = _SAID[diagnosis.verdict_](diagnosis)
+    return said, " ".join(filter(None, more))
+
+
+def early_end(diagnosis) -> str:
+    """Return why a diagnosis ended early, and what that means; empty where it did not."""
+    if not diagnosis.stopped_:
+        return ""
+    is_whole = diagnosis.complete_
+    left = "the search was complete" if is_whole else "this is the best result so far"
+    return f"Ended early ({diagnosis.stopped_}); {left}."
+
+
+def _so_far(diagnosis) -> tuple[str, ...]:
     """Return what an unfinished search holds."""
     the_model = _the_model(diagnosis)
     if not diagnosis.causes_:
-        return f"The {the_model} lacks something, and no cause was found yet."
-    best = f"The best so far: the {the_model} {lacks(diagnosis.causes_)}."
-    return f"{best} It was not tested against the rest of the catalogue. {_worth(diagnosis)}"
+        said = f"The {the_model} lacks something, and no cause was found yet"
+        return (f"{said}{_worth(diagnosis)}.",)
+    said = f"The best guess so far is that the {the_model} {lacks(diagnosis.causes_)}"
+    return f"{said}{_worth(diagnosis)}.", "It was not tested against the rest of the catalogue."
 
 
 def _the_model(diagnosis) -> str:
@@ -100,33 +111,29 @@ def lacks(causes) -> str:
     return " and ".join(f"{verb} {listed(each)}" for verb, each in names.items())
 
 
-def _causes(diagnosis) -> str:
-    """Return a sentence on the causes, and what they are worth."""
+def _causes(diagnosis) -> tuple[str, ...]:
+    """Return the causes and what they are worth."""
     said = f"The {_the_model(diagnosis)} {lacks(diagnosis.causes_)}"
     if diagnosis.verdict_ == "ambiguous":
-        said += f", or {_others(diagnosis)}: these records do not separate them"
-    return _together(f"{said}.", f"{_order(diagnosis)}{_worth(diagnosis)}", diagnosis)
+        said += f", or {_others(diagnosis)}, which these records do not separate"
+    more = _order(diagnosis).strip(), _in_free_run(diagnosis), _described(diagnosis)
+    return f"{said}{_worth(diagnosis)}.", *more
 
 
-def _missing(diagnosis) -> str:
-    """Return a sentence on what is missing and has no name."""
+def _missing(diagnosis) -> tuple[str, ...]:
+    """Return what is missing and has no name."""
     part, why = diagnosis.discrepancy_, "no known effect explains"
     if part is not None and part.has_names:
         why = "no cause that was considered explains, though its formula has names"
-    return _together(f"The {_the_model(diagnosis)} lacks something that {why}.", "", diagnosis)
+    said = f"The {_the_model(diagnosis)} lacks something that {why}{_worth(diagnosis)}."
+    return said, _in_free_run(diagnosis), _described(diagnosis)
 
 
-def _together(said: str, causes: str, diagnosis) -> str:
-    """Return what was found with what the free run and a formula say."""
-    parts = (said, causes, _in_free_run(diagnosis), _described(diagnosis))
-    return " ".join(part.strip() for part in parts if part)
-
-
-def _nothing_found(diagnosis) -> str:
+def _nothing_found(diagnosis) -> tuple[str, ...]:
     """Return that much is left, and that nothing that was tried explains it."""
     left = _left(over_windows(diagnosis), "refitted") + much_in_free_run(diagnosis)
     said = f"No effect of the catalogue improves the {_the_model(diagnosis)}; but after re-tuning"
-    return f"{said} it leaves {left}. {_in_free_run(diagnosis)}".strip()
+    return f"{said} its error is {left}.", _in_free_run(diagnosis)
 
 
 def much_in_free_run(diagnosis) -> str:
@@ -136,24 +143,20 @@ def much_in_free_run(diagnosis) -> str:
     return f", and in free run {listed(much)} beyond the errors of the fit" if much else ""
 
 
-def _adequate(diagnosis) -> str:
-    """Return that the model is adequate, as given or re-tuned."""
-    return f"{_is_adequate(diagnosis)} {_in_free_run(diagnosis)}".strip()
-
-
 def _is_adequate(diagnosis) -> str:
+    """Return that the model is adequate, as given or re-tuned."""
     the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
     if not diagnosis.complete_:
-        return f"The re-tuned {the_model} leaves little more than noise."
+        return f"The error of the re-tuned {the_model} is little more than noise."
     if is_adequate_as_given(diagnosis):
-        said = f"as given: it leaves {_left(errors, 'prior')}, and no"
+        said = f"as given: its error is {_left(errors, 'prior')}"
     else:
         left = listed(
             f"{times(e.refitted)} {_of(output, 'the noise', errors)} (as given {times(e.prior)})"
             for output, e in errors.items()
         )
-        said = f"after re-tuning: it leaves {left}. No"
-    return f"The {the_model} is adequate {said} effect of the catalogue improves it."
+        said = f"after re-tuning: its error is {left}"
+    return f"The {the_model} is adequate {said}, and no effect of the catalogue improves it."
 
 
 def _left(errors, which: str) -> str:
@@ -266,7 +269,7 @@ def _described(diagnosis) -> str:
     )
     return (
         f"Something is missing in {place_name(diagnosis.model, part.target)}. {on}With "
-        f"{readable(part.formula)} added there the model leaves {_left(errors, 'best')} over "
+        f"{readable(part.formula)} added there the error is {_left(errors, 'best')} over "
         f"held-out windows{f', and in free run {free}' if free else ''}. "
         f"{known_sentence(diagnosis, part)}"
     ).rstrip()
@@ -300,16 +303,17 @@ def _order(diagnosis) -> str:
 
 
 def _worth(diagnosis) -> str:
-    """Return the errors of the models, output by output."""
-    errors, shown = over_windows(diagnosis), shown_models(diagnosis)
-    left = "; ".join(
-        (f"{output} " if len(errors) > 1 else "")
-        + ", ".join(
-            f"{times(getattr(e, which)).removesuffix(' ×')} {said}" for which, said in shown.items()
-        )
-        for output, e in errors.items()
-    )
-    return f"Error on held-out data, in units of the noise: {left}."
+    """Return a clause on the error as given, and with all that was found."""
+    told = told_error(diagnosis)
+    before, *_, after = told.by_model.values()
+    found = ["it" if len(diagnosis.causes_) == 1 else "them"] * bool(diagnosis.causes_)
+    found += ["a formula"] * (diagnosis.discrepancy_ is not None)
+    how = f"with {listed(found)}" if found else "re-tuned"
+    where = "in free run" if told.is_free else f"over windows of {number(diagnosis.window_, 3)} s"
+    changes = "falls" if after < before else "goes"
+    ends = (number(e, 3) if math.isfinite(e) else "infinite (it diverges)" for e in (before, after))
+    said = f": {how}, the error of {told.output} {where} {changes} from {' to '.join(ends)}"
+    return f"{said} {told.unit}".rstrip()
 
 
 def _in_free_run(diagnosis) -> str:
@@ -382,7 +386,7 @@ _SAID = {
     "ambiguous": _causes,
     "unexplained": _missing,
     "provisional": _so_far,
-    "predicts_nothing": runaway_sentence,
+    "predicts_nothing": runaway_sentences,
     "nothing_found": _nothing_found,
-    "model_adequate": _adequate,
+    "model_adequate": lambda diagnosis: (_is_adequate(diagnosis), _in_free_run(diagnosis)),
 }

@@ -4,7 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from sklearn_pgnn.diagnosis.noise_units import error_together, ratio
+from sklearn_pgnn.inspection.numbers import typeset_unit
 
 #: the models of a diagnosis and what they are called
 MODELS = {
@@ -66,6 +69,26 @@ def in_free_run(diagnosis) -> dict[str, Errors]:
     """Return the errors in free run, by output, in units of the noise."""
     noise = {output: gain.noise for output, gain in diagnosis.gain_.items()}
     return {output: Errors.of(e, noise[output]) for output, e in diagnosis.free_run_.items()}
+
+
+class ToldError(NamedTuple):
+    """The errors of an output by the model, the best last: in free run, or over windows."""
+
+    output: str
+    unit: str
+    is_free: bool
+    by_model: dict[str, float]
+
+
+def told_error(diagnosis) -> ToldError:
+    """Return the errors of the output that is missed most as given, in free run if that tells."""
+    runs = diagnosis.free_run_
+    tells = {output: e for output, e in in_free_run(diagnosis).items() if runs[output].tells}
+    missed = {o: np.nan_to_num(e.prior) for o, e in (tells or over_windows(diagnosis)).items()}
+    output = max(missed, key=missed.__getitem__)
+    found = (runs if tells else diagnosis.gain_)[output]
+    errors = {which: getattr(found, which) for which in shown_models(diagnosis)}
+    return ToldError(output, typeset_unit(diagnosis.model.unit(output)), bool(tells), errors)
 
 
 def together(diagnosis) -> Errors:

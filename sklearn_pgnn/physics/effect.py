@@ -106,6 +106,8 @@ class Effect(ABC):
     phrase: ClassVar[str] = "{effect} on {target}"
     #: verb for a model that lacks the effect: the words before the phrase
     lacking: ClassVar[str] = "lacks"
+    #: what a parameter is called where its name alone would be misread
+    words: ClassVar[Mapping[str, str]] = MappingProxyType({})
     #: one sentence for the reader of a report: what the effect is
     summary: ClassVar[str] = ""
     #: one sentence for the reader of a report: how to check the effect on the rig

@@ -45,9 +45,7 @@ def diagnosis(probability=1.0, rivals=(), remaining=None):
         discrepancy_=None,
         remaining_=remaining,
         records_=SimpleNamespace(causes=()),
-        data_quality_=(),
-        separations_=(),
-        unusable_=(),
+        **dict.fromkeys(("data_quality_", "separations_", "unusable_"), ()),
         parameters_={},
         window_=1.0,
         gain_={"v": Gain(3.0, 2.0, remaining.times_noise["v"], 1.0, 0.99, 0.98, 1.0, "m/s")},
@@ -155,8 +153,9 @@ def test_a_formula_has_a_column_of_its_own_in_every_table(capsys):
     assert "as given re-tuned with formula noise explained v 3 2 1.02 1 m/s" in text
     assert "as given re-tuned with formula v 9 8 1.34 m/s" in text
     assert "depends on v, which explains 40 %" in text
-    said = "leaves 1.02 × the noise over held-out windows, and in free run 1.34 ×."
-    assert f"With −0.5 + 2·v³ added there the model {said}" in text
+    said = "is 1.02 × the noise over held-out windows, and in free run 1.34 ×."
+    assert f"With −0.5 + 2·v³ added there the error {said}" in text
+    assert "with a formula, the error of v in free run falls from 9 to 1.34 m/s." in text
     assert "What is left without the formula is structure (2.00 ×" in text
     with_formula.causes_ = diagnosis().causes_
     assert "v 3 2 2 1.02 1 m/s" in shown(capsys, with_formula)  # the causes alone, then with it

@@ -93,7 +93,7 @@ def test_names_of_the_model_are_escaped(report):
 @pytest.mark.core
 def test_the_verdict_comes_first_and_everything_is_there(report, friction):
     headings = re.findall(r"<h[12][^>]*>\s*([^<]*)", report)
-    order = ["Cart", "What is missing", "Measured", "Evidence", "Equations", "Parameters"]
+    order = ["Cart", "What is missing", "Parameters", "Measured", "Evidence", "Equations"]
     found = [next(i for i, h in enumerate(headings) if h.startswith(name)) for name in order]
     assert found == sorted(found)
     text = re.sub(r"<[^>]+>", "", report)

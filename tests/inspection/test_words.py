@@ -24,11 +24,7 @@ def test_that_no_cause_acts_is_one_of_the_answers():
     assert words.rivals(cause) == f"{words.UNNAMED} (5 %)"
     cause.probability = 0.999
     assert words.rivals(cause) == ""
-
-
-def test_a_rival_of_a_provisional_cause_has_no_probability():
-    rival = SimpleNamespace(effect="coulomb_friction", target="v", probability=math.nan)
-    cause = SimpleNamespace(probability=math.nan, confused_with=(rival,))
+    cause.probability, rival.probability, cause.confused_with = math.nan, math.nan, (rival,)
     assert words.rivals(cause) == "Coulomb friction on v (not tested)"
 
 
@@ -61,14 +57,8 @@ def test_where_a_parameter_differs_between_records_no_physics_is_called_missing(
 
 def test_what_is_likelier_than_every_name_stands_beside_the_names():
     rival = SimpleNamespace(effect="input_bias", target="F", probability=0.03)
-    cause = SimpleNamespace(
-        effect="coulomb_friction",
-        target="v",
-        parameters={},
-        probability=0.2,
-        outside=0.7,
-        confused_with=(rival,),
-    )
+    sure = {"probability": 0.2, "outside": 0.7, "parameters": {}, "confused_with": (rival,)}
+    cause = SimpleNamespace(effect="coulomb_friction", target="v", **sure)
     found = SimpleNamespace(causes_=(cause,))
     assert words._others(found) == f"input bias of F or {words.UNNAMED} in its place"
     assert finding._alternatives(cause).endswith(f"input bias of F or {words.UNNAMED}")
@@ -83,23 +73,14 @@ def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch):
     monkeypatch.setattr(words, "is_adequate_as_given", lambda _: False)
     said = words._is_adequate(SimpleNamespace(model=systems.cart_on_spring(), complete_=True))
     left = "1.50 × the noise of x (as given 2.00 ×) and 1.50 × the noise of v (as given 2.00 ×)"
-    assert f"it leaves {left}. No" in said
+    assert f"its error is {left}, and no effect" in said
 
 
 @pytest.mark.parametrize(("unit", "amplitude"), [("1", "3.5 about 2"), ("V", "3.5 V about 2 V")])
 def test_an_input_without_a_unit_has_none_in_an_experiment(unit, amplitude):
-    best = SimpleNamespace(
-        excitation="steps",
-        input="u",
-        amplitude=3.5,
-        unit=unit,
-        offset=2.0,
-        reached={},
-        repeats=1,
-        duration=10.0,
-        difference=4.0,
-        evidence=5.0,
-    )
+    sizes = {"amplitude": 3.5, "offset": 2.0, "reached": {}, "repeats": 1, "duration": 10.0}
+    told = {"difference": 4.0, "evidence": 5.0, "excitation": "steps", "input": "u", "unit": unit}
+    best = SimpleNamespace(**sizes, **told)
     pair = (SimpleNamespace(effect=effect, target="u") for effect in ("input_bias", "input_gain"))
     found = dict(zip(("cause", "other"), pair, strict=True))
     asked = SimpleNamespace(equivalent=False, separable=True, experiments=[best], **found)
@@ -116,11 +97,9 @@ def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
     first = free[0]
     reach = model.parameters[first].reach
     found[first] = SimpleNamespace(value=values[first] + reach)
-    assert spread_sentence(SimpleNamespace(model=model, parameters_=found)) == (
-        f"{first} lies at the end of what the spread in the model file allowed: the named causes "
-        f"and the remaining error may be due to a wrong parameter value. If it is not known that "
-        f"well, give a wider spread, or spread: .inf where nothing is known, and diagnose again."
-    )
+    said = spread_sentence(SimpleNamespace(model=model, parameters_=found))
+    assert said.startswith(f"{first} lies at the end of what the spread in the model file allowed")
+    assert said.endswith(", or spread: .inf where nothing is known, and diagnose again.")
 
 
 def test_a_parameter_at_a_bound_is_told_with_the_remedy():
@@ -129,7 +108,5 @@ def test_a_parameter_at_a_bound_is_told_with_the_remedy():
     found = {"m": SimpleNamespace(value=m.bounds[1]), "d": SimpleNamespace(value=d.bounds[0])}
     said = spread_sentence(SimpleNamespace(model=model, parameters_=found))
     assert d.bounds[0] == 0.0
-    assert said == (
-        "m lies at a bound of the model file: what is named and what is left may be due to that. "
-        "If values beyond are physically possible, give wider bounds, and diagnose again."
-    )
+    assert said.startswith("m lies at a bound of the model file: ")
+    assert said.endswith("give wider bounds, and diagnose again.")

@@ -9,7 +9,6 @@ from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
 from sklearn_pgnn.inspection.numbers import chance, number, times, typeset_unit
 from sklearn_pgnn.inspection.report.finding import expectation
-from sklearn_pgnn.inspection.report.tiles import parts_of_error
 from sklearn_pgnn.inspection.words import held_beside, rivals, separation_sentence
 from sklearn_pgnn.inspection.yardstick import together
 from sklearn_pgnn.physics.effect import Effect
@@ -34,7 +33,8 @@ class Member:
         """Its parameters: name, value and unit."""
         found = self.fit.model.parameters
         own = {field: found[name] for field, name in self.effect.names().items() if name in found}
-        return [(field.replace("_", " "), p.value, p.unit) for field, p in own.items()]
+        said = self.effect.words
+        return [(said.get(f, f.replace("_", " ")), p.value, p.unit) for f, p in own.items()]
 
 
 def all_members(diagnosis) -> dict[int, list[Member]]:
@@ -78,15 +78,14 @@ def file_of(model: PhysicsModel) -> str:
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
     """Return what is shown of every cause."""
-    worth = [part for part in parts_of_error(diagnosis) if part.kind == "cause"]
-    return [
-        {
-            **_cause(diagnosis, cause),
-            "worth": f"{times(part.before)} → {times(part.after)}",
-            "members": [_member(diagnosis, member) for member in members.get(number_, ())],
-        }
-        for number_, (cause, part) in enumerate(zip(diagnosis.causes_, worth, strict=True))
-    ]
+    level, told = together(diagnosis).refitted, []
+    for place, cause in enumerate(diagnosis.causes_):
+        after = level * (1.0 - cause.gain / 100.0)
+        worth = f"{times(level).removesuffix(' ×')} → {times(after)}"
+        found = [_member(diagnosis, member) for member in members.get(place, ())]
+        told.append({**_cause(diagnosis, cause), "worth": worth, "members": found})
+        level = after
+    return told
 
 
 def _cause(diagnosis, cause) -> dict:

@@ -18,7 +18,7 @@ from sklearn_pgnn.inspection.numbers import (
 )
 from sklearn_pgnn.inspection.remedies import spread_sentence
 from sklearn_pgnn.inspection.report.causes import all_members, told_causes
-from sklearn_pgnn.inspection.report.curves_section import curve_sections, keys
+from sklearn_pgnn.inspection.report.curves_section import curve_sections
 from sklearn_pgnn.inspection.report.dot_plot import dot_plot
 from sklearn_pgnn.inspection.report.evidence_section import (
     characteristics,
@@ -29,12 +29,13 @@ from sklearn_pgnn.inspection.report.finding import leaves_more, next_step, title
 from sklearn_pgnn.inspection.report.formula import FoundFormula, told_formula
 from sklearn_pgnn.inspection.report.parameters import correlation, forest
 from sklearn_pgnn.inspection.report.provenance import Provenance, method, versions
-from sklearn_pgnn.inspection.report.tiles import make_tiles, segments_of_bar, worst
+from sklearn_pgnn.inspection.report.tiles import STATES, make_tiles, worst
 from sklearn_pgnn.inspection.words import (
     NOT_COMPARED,
+    early_end,
     remaining_sentence,
+    told_verdict,
     unusable_sentence,
-    verdict_sentence,
 )
 from sklearn_pgnn.inspection.yardstick import ratio, shown_models, together
 from sklearn_pgnn.user_line import warn_user
@@ -98,16 +99,16 @@ def report_content(diagnosis, provenance: Provenance, detectability=None) -> dic
 
 
 def _top(diagnosis) -> dict:
-    tiles = make_tiles(diagnosis)
+    tiles, (sentence, more) = make_tiles(diagnosis), told_verdict(diagnosis)
     return {
         "title": title(diagnosis),
         "state": worst(tiles),
         "verdict": diagnosis.verdict_,
         "verdict_title": verdict_line(diagnosis),
-        "sentence": verdict_sentence(diagnosis),
-        "remaining": remaining_sentence(diagnosis),
+        "sentence": sentence,
+        "more": " ".join((early_end(diagnosis), more, remaining_sentence(diagnosis))).strip(),
         "tiles": tiles,
-        "bar": segments_of_bar(diagnosis),
+        "states": STATES,
         "next_step": next_step(diagnosis),
         "data_quality": diagnosis.data_quality_,
     }
@@ -120,18 +121,14 @@ def _story(diagnosis, formula: FoundFormula | None) -> dict:
     maps = []
     if formula or leaves_more(diagnosis):
         maps = part("maps of what is left", residual_maps, diagnosis, formula, without=[])
-    free, windowed, others = curve_sections(diagnosis)
     return {
         "not_compared": "" if diagnosis.complete_ else NOT_COMPARED,
         "causes": told_causes(diagnosis, members),
         "formula": None if formula is None else told_formula(formula),
         "characteristics": drawn,
         "maps": maps,
-        "curve_keys": keys(diagnosis),
-        "free_run": free,
-        "windowed": windowed,
+        **curve_sections(diagnosis),
         "window": f"{number(diagnosis.window_, 3)} s",
-        "other_records": others,
         "candidates": part("candidates", dot_plot, diagnosis, without=None),
         "retuned_only": times(together(diagnosis).refitted),
         "tests": part("tests of what is left", residual_tests, diagnosis, without={}),

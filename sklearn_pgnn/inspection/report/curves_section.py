@@ -1,29 +1,74 @@
 """Curves of every record: measured and simulated, the errors on their own scale, the inputs."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 from markupsafe import Markup
 
 from sklearn_pgnn.diagnosis.free_run import free_runs
-from sklearn_pgnn.inspection.display import called, typical
+from sklearn_pgnn.inspection.display import called
+from sklearn_pgnn.inspection.numbers import fit_text
+from sklearn_pgnn.inspection.runs import fit_percentage
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
-from sklearn_pgnn.inspection.yardstick import MODELS, shown_models
+from sklearn_pgnn.inspection.yardstick import MODELS, ToldError, shown_models, told_error
 
 #: the band of the noise, in standard deviations; and from how many on an error is marked
 BAND, FAR = 2.0, 8.0
+#: a record in which an output moves by less than this share of its farthest is quiet
+QUIET = 0.1
+#: class and name of what was measured, for a legend
+MEASURED = ("measured", "measured")
 
 
-def curve_sections(diagnosis) -> tuple[dict, dict, list[dict]]:
-    """Return the curves of a typical record in free run and over windows, then all others."""
-    records, drawn = diagnosis.records_, shown_models(diagnosis)
+def curve_sections(diagnosis) -> dict:
+    """Return the curves that tell most, those of their record in full, and of all others."""
+    records, drawn, told = diagnosis.records_, shown_models(diagnosis), told_error(diagnosis)
     windowed = {which: records.windows.y - records.fits[which].residual for which in drawn}
     free = {which: np.concatenate([r.y for r in free_runs(records, which)]) for which in drawn}
-    first = typical(records)
-    others = [_curves(diagnosis, free, k) for k in range(len(records.names)) if k != first]
-    over_windows = _curves(diagnosis, windowed, first, restarts=True)
-    return _curves(diagnosis, free, first), over_windows, others
+    *others, (best, said) = drawn.items()
+    legend = [MEASURED, *others, (f"{best} best", said)]
+    first = _missed_most(diagnosis, told, free if told.is_free else windowed)
+    return {
+        "telling": _telling(diagnosis, told, free if told.is_free else windowed, first),
+        "windowed": _curves(diagnosis, windowed, first, restarts=True),
+        "free_run": _curves(diagnosis, free, first),
+        "other_records": [
+            _curves(diagnosis, free, k) for k in range(len(records.names)) if k != first
+        ],
+        "curve_keys": legend,
+    }
+
+
+def _missed_most(diagnosis, told: ToldError, simulated: Mapping) -> int:
+    """Return the record that the model as given fits worst, of those in which the output moves."""
+    windows, i = diagnosis.records_.windows, list(diagnosis.model.outputs).index(told.output)
+    y, run = windows.y[:, i], simulated["prior"][:, i]
+    rows = [slice(*ends) for ends in pairwise(windows.bounds)]
+    reach = np.nan_to_num([np.fmax.reduce(y[each]) - np.fmin.reduce(y[each]) for each in rows])
+    fits = [float(fit_percentage(y[each], run[each])[0]) for each in rows]
+    moves = (reach >= QUIET * reach.max()) & ~np.isnan(fits)
+    return int(np.argmin(np.where(moves, fits, np.inf)))
+
+
+def _telling(diagnosis, told: ToldError, simulated: Mapping, record: int) -> dict:
+    """Return one output of a record: measured, as given, and with all found, with their fits."""
+    windows, i = diagnosis.records_.windows, list(diagnosis.model.outputs).index(told.output)
+    rows = slice(windows.bounds[record], windows.bounds[record + 1])
+    t, y, (best, run) = windows.t[rows], windows.y[rows, i], list(simulated.items())[-1]
+    runs = {"prior": simulated["prior"][rows, i], f"{best} best": run[rows, i]}
+    fits = (fit_text(float(fit_percentage(y, run)[0]), 1) for run in runs.values())
+    said = (MODELS["prior"], MODELS[best])
+    named = [(css, f"{who}, fit {fit}") for css, who, fit in zip(runs, said, fits, strict=True)]
+    title = called(diagnosis.records_.names[record], record, len(diagnosis.records_.names))
+    about = f"{told.output} of {title}: measured; {'; '.join(said for _, said in named)}"
+    plot = Plot(Scale.over(t, room=0), in_sight(y, runs.values()), about, "telling")
+    plot.line(t, y, "measured", "measured")
+    for css, text in named:
+        plot.line(t, runs[css], css, text)
+    shown = [(label(told.output, told.unit), plot.html())]
+    return {"title": title, "is_free": told.is_free, "legend": [MEASURED, *named], "plots": shown}
 
 
 def _curves(diagnosis, simulated: Mapping, record: int, *, restarts: bool = False) -> dict:
@@ -73,12 +118,6 @@ def _shade_windows(plot: Plot, windows, record: int) -> None:
     for start, length in zip(windows.starts[own], windows.lengths[own], strict=True):
         ends = windows.t[start], windows.t[start + length - 1]
         plot.shade(*ends, "window", "a window")
-
-
-def keys(diagnosis) -> list[tuple[str, str]]:
-    """Return the class and the name of every curve, for a legend."""
-    *others, (best, said) = shown_models(diagnosis).items()
-    return [("measured", "measured"), *others, (f"{best} best", said)]
 
 
 def input_plot(t, u, name: str, unit: str) -> tuple[str, Markup]:

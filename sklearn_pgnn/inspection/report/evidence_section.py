@@ -13,6 +13,7 @@ from sklearn_pgnn.inspection.display import binned_median, known_points, limits
 from sklearn_pgnn.inspection.evidence import (
     Evidence,
     Line,
+    effort_name,
     evidence_of,
     missing_evidence,
     said_by_formula,
@@ -132,7 +133,7 @@ def _of_port(diagnosis, samples: Samples, name: str) -> dict:
         return _maps(diagnosis, samples, f"Missing in {name}'", unit, name, panels)
     force = missing * samples.value(inertia_at(port, model))
     place = f"on {name}" if name in model.states else f"at the {name}"
-    title = f"Force that is missing {place}"
+    title = f"{effort_name(model, port).capitalize()} that is missing {place}"
     return _maps(diagnosis, samples, title, port.unit, name, [(SHOWN, force)])
 
 

@@ -9,6 +9,7 @@ import sympy
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.inspection.case import Samples
 from sklearn_pgnn.inspection.equations import mathml_of
+from sklearn_pgnn.inspection.evidence import effort_name
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
 from sklearn_pgnn.inspection.report.causes import file_of
 from sklearn_pgnn.inspection.report.parameters import fitted_again
@@ -116,9 +117,9 @@ def told_formula(formula: FoundFormula) -> dict:
         "left": times(part.error),
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(force),
+        "effort": effort_name(model, port) if port else "",
         "inertia": to_text(inertia_at(port, model)) if port and force else "",
         "mathml": mathml_of(expression, moving),
-        "text": to_text(expression),
         "terms": [
             {
                 "name": term.name,

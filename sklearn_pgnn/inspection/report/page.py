@@ -11,6 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup, escape
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import FilePath
@@ -25,6 +26,13 @@ if TYPE_CHECKING:
     from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 TEMPLATES = "templates"
+#: terms of the field, as they stand in the sentences of a report, and what each means
+TERMS = {
+    "free run": "a model follows a whole record from its first state by the inputs alone",
+    "held-out windows": "short pieces of the records to which the parameters were not fitted",
+    "re-tuned": "the same equations, with parameters fitted to the records",
+    "× the noise": "an error in units of the noise; at 1 nothing is left to explain",
+}
 #: a hyphen that is a minus: before a number, and neither in a word nor in a range
 MINUS = re.compile(r"(?<![\w)\]])-(?=[\d.])")
 
@@ -108,12 +116,18 @@ def render_report(
 
 def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
     """Render a template."""
-    from markupsafe import escape
-
     templates = templates_of(source)
     templates.finalize = lambda value: MINUS.sub("\u2212", value) if type(value) is str else value
     templates.filters["as_it_is"] = escape  # hyphens stay what they are, to be copied
-    return templates.get_template(name).render(**content)
+    return templates.get_template(name).render(terms=TERMS, **content)
+
+
+def explained(text: str) -> Markup:
+    """Return a sentence, in which every term says what it means where it is pointed at."""
+    said = escape(MINUS.sub("\u2212", text))
+    for term, meaning in TERMS.items():
+        said = said.replace(term, Markup('<abbr title="{}">{}</abbr>').format(meaning, term), 1)
+    return said
 
 
 @cache
@@ -128,6 +142,7 @@ def templates_of(source: Callable[[str], str]) -> Environment:
         lstrip_blocks=True,
         loader=FunctionLoader(source),
     )
+    templates.filters["explained"] = explained
     templates.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
     return templates
 

@@ -101,7 +101,7 @@ def _state(name: str, facts: ParameterFacts) -> tuple[str, str]:
     ]
     if look:
         return "; ".join(look), "look"
-    return ("changed", "changed") if name in facts.changed else ("not significantly", "")
+    return ("changed", "changed") if name in facts.changed else ("not\u00a0significant", "")
 
 
 def _strip(scale: Scale, name: str, p, freedom, css: str, facts: ParameterFacts) -> Markup:

@@ -300,6 +300,7 @@ class StribeckFriction(SpeedEffect):
     velocity: float = quantity("vs", "{velocity}", default=1.0, low=0.0, role="shape")
     id = "stribeck_friction"
     phrase = "Stribeck friction on {target}"
+    words = MappingProxyType({"peak": "peak above the level"})
     generalises = ("coulomb_friction",)
     summary = (
         "Dry friction that is higher at rest and at low speed than when sliding (stick-slip): the "

@@ -7,15 +7,30 @@ from sklearn_pgnn.inspection.report import write_report
 
 MOVED = """[...document.querySelectorAll(".wide, html")]
 .filter((e) => e.scrollWidth > e.clientWidth + 1).map((e) => e.ariaLabel || e.className)"""
+#: where the parts for the boss end, then the first section, and the last one before the curves
+ENDS = """[".sentence", ".telling", ".tiles", ".next", ".first", "section:has(+ section #curves)"]
+.map((part) => document.querySelector(part).getBoundingClientRect().bottom)"""
+FOLDED = """[...document.querySelectorAll("details > :not(summary)")]
+.filter((e) => !e.checkVisibility()).length"""
+#: pixels of a sheet of A4 within its margins
+SHEET = {"width": 687, "height": 1016}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HIDDEN)
-def test_no_table_is_wider_than_a_phone(browser, tmp_path, name):
+def test_it_fits_a_phone_and_what_is_for_the_boss_a_screen_and_two_sheets(browser, tmp_path, name):
     write_report(situation(name), tmp_path / "report.html")
     page = browser.new_page(viewport={"width": 390, "height": 800})
     page.goto((tmp_path / "report.html").as_uri())
     assert page.evaluate(MOVED) == []
+    page.set_viewport_size({"width": 1280, "height": 800})
+    assert max(page.evaluate(ENDS)[:4]) <= 800
+    assert page.evaluate(FOLDED) > 0
+    page.set_viewport_size(SHEET)
+    page.emulate_media(media="print")
+    first, second = page.evaluate(ENDS)[4:]
+    assert max(first, second - first) <= SHEET["height"]
+    assert page.evaluate(FOLDED) == 0
     page.close()
 
 
