@@ -148,16 +148,12 @@ def find_group(
         )
         for records, decrease in _in_each_and_all(windows.record, normal)
     ]
-    groups.sort(key=lambda group: group.share, reverse=True)
-    if not groups:
-        return None
-    fits = _Fits(problem, fit, each_step)
-    if groups[0].since is None:
-        usual = [group for group in groups if group.since is None]
-        return max(map(fits.tried, usual[:KEPT]), key=lambda group: group.share)
-    near = [g for g in reversed(groups) if g.records == groups[0].records and g.since is not None]
-    of_each = {group[2:4]: group for group in near}  # the last, which explains most
-    return fits.settled(list(of_each.values()))
+    groups.sort(key=_share, reverse=True)
+    return _Fits(problem, fit, each_step).best(groups)
+
+
+def _share(group: Group) -> float:
+    return group.share
 
 
 class _Fits:
@@ -173,6 +169,19 @@ class _Fits:
         windows = problem.windows
         self.record = windows.record_at(np.arange(len(windows.t)))
 
+    def best(self, groups: list[Group]) -> Group | None:
+        """Return the best of groups in the order of what they explain by a linear model."""
+        of_records = {g.records: g for g in reversed(groups) if g.since is None}  # the last is best
+        usual = sorted(of_records.values(), key=_share, reverse=True)[:KEPT]
+        best = max(map(self.tried, usual), key=_share, default=None)
+        first = next((group for group in groups if group.since is not None), None)
+        if first is None or (best is not None and best.share >= first.share):
+            return best
+        near = [g for g in reversed(groups) if g.records == first.records and g.since is not None]
+        of_each = {(group.kind, group.quantity): group for group in near}
+        sudden = self.settled(list(of_each.values()))
+        return sudden if best is None else max(best, sudden, key=_share)
+
     def settled(self, groups: list[Group]) -> Group:
         """Return the group with the onset, to a sample, that leaves least.
 
@@ -182,7 +191,7 @@ class _Fits:
         step = max(1, len(self._times(groups[0])) // ONSETS)
         while step:
             tried = [self._nearest(group, step) for group in tried]
-            tried.sort(key=lambda group: group.share, reverse=True)
+            tried.sort(key=_share, reverse=True)
             tried, step = tried[: -(-len(tried) // 2)], step // 2
         return tried[0]
 
@@ -197,7 +206,7 @@ class _Fits:
             here = int(np.searchsorted(times, float(group.since or 0.0)))
             places = [k for k in (here - step, here + step) if 0 < k < len(times)]
             tried = [self.tried(group._replace(since=float(times[k]))) for k in places]
-            better = max(tried, key=lambda each: each.share, default=group)
+            better = max(tried, key=_share, default=group)
             if better.share <= group.share:
                 return group
             group = better
