@@ -332,8 +332,7 @@ def test_check_simulates_a_stiff_model(stiff):
     records = sorted(stiff.glob("r_*.csv"))
     found = json.loads(run("check", "--model", stiff / "given.yaml", *records, "--json").stdout)
     assert found["outputs"][0]["fit"] > 98
-    told = [finding["text"] for finding in found["findings"]]
-    assert not [said for said in told if "sign" in said or "non-finite" in said]
+    assert not [f for f in found["findings"] if "sign" in f["text"] or "non-finite" in f["text"]]
 
 
 def test_every_column_of_a_fit_is_in_the_steps_that_are_told(stiff, tmp_path):
