@@ -117,7 +117,7 @@ class UnitWarning(ModelWarning):
     ...         model = PhysicsModel.from_yaml("cart.yaml")
     ...     except UnitWarning as warning:
     ...         print(warning)
-    cart.yaml:6:3: equations.v: the term F is in N, expected m/s^2. Remedy: ...
+    cart.yaml:7:3: equations.v: the term F is in N, expected m/s^2. Remedy: ...
     """
 
 
