@@ -70,6 +70,14 @@ def make_samples(_app, _config):
     make_missing()
 
 
+def make_codes(_app, _config):
+    """Write the page of the codes from their table."""
+    from make_codes import page
+
+    (HERE / "codes.rst").write_text(page(), encoding="utf-8")
+
+
 def setup(app):
     """Make what the pages refer to before they are built."""
     app.connect("config-inited", make_samples)  # before the folder is looked for
+    app.connect("config-inited", make_codes)

@@ -1,5 +1,7 @@
 """Errors and warnings of the package."""
 
+import re
+
 
 class ModelError(ValueError):
     """A model, an equation or a model file is not valid.
@@ -115,7 +117,7 @@ class UnitWarning(ModelWarning):
     ...         model = PhysicsModel.from_yaml("cart.yaml")
     ...     except UnitWarning as warning:
     ...         print(warning)
-    cart.yaml:6:3: equations.v: the term F is in N, expected m/s^2. Remedy: ...
+    cart.yaml:7:3: equations.v: the term F is in N, expected m/s^2. Remedy: ...
     """
 
 
@@ -158,3 +160,14 @@ class SimulationWarning(RuntimeWarning):
     >>> with warnings.catch_warnings():
     ...     warnings.simplefilter("error", SimulationWarning)  # end where one diverges
     """
+
+
+def code_of(kind: type[BaseException]) -> str:
+    """Return the code that ``sklearn-pgnn explain`` takes for a class of errors or warnings.
+
+    Examples
+    --------
+    >>> code_of(ModelError)
+    'model_error'
+    """
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower()

@@ -8,6 +8,7 @@ import click
 from sklearn_pgnn import __version__
 from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, fleet, init, simulate
 from sklearn_pgnn.cli.ending import run_to_the_end, take_any_text
+from sklearn_pgnn.cli.explain import explain
 from sklearn_pgnn.cli.export import export
 from sklearn_pgnn.cli.guard import job
 from sklearn_pgnn.cli.options import (
@@ -125,5 +126,5 @@ def run() -> None:
 
 
 COMMANDS = (demo, init, check, simulate, fit, diagnose, detect, compare, fleet, export, app)
-for command in (*COMMANDS, completion):
+for command in (*COMMANDS, explain, completion):
     main.add_command(command)

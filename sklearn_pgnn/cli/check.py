@@ -9,17 +9,19 @@ import click
 import pandas as pd
 from rich.console import Console
 
+from sklearn_pgnn import __version__
 from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import open_model
-from sklearn_pgnn.cli.tables import heading, print_table, say, screen, warn
-from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
+from sklearn_pgnn.cli.tables import heading, print_findings, print_table, say, screen
+from sklearn_pgnn.exceptions import ModelWarning, RecordWarning, code_of
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.record_quality.finding import finding_of
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
@@ -55,8 +57,9 @@ def check_model(
         converted = {name: units for table in tables for name, units in table.converted().items()}
         look = first_look(read, X, y)
         missing = missing_efforts(read, X, y) if has_several_joints(read) else None
-    said = dict.fromkeys(str(warning.message) for warning in told)
-    look = replace(look, warnings=(*said, *look.warnings))
+    said = dict.fromkeys((code_of(each.category), str(each.message)) for each in told)
+    found = (finding_of(code.replace("_", " "), message) for code, message in said)
+    look = replace(look, findings=(*found, *look.findings))
     return Checked(look, list(unused), converted, missing)
 
 
@@ -65,13 +68,16 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     look = checked.look
     if as_json:
         more: dict = {"unused_columns": checked.unused, "converted": checked.converted}
+        more["version"] = __version__
         if checked.missing is not None:
             more["missing_efforts"] = checked.missing.to_dict("index")
         click.echo(as_strict_json({**look.to_dict(), **more}), nl=False)
         return
     console = screen()
     say(console, _summary(look), "bold")
-    warn(console, look.warnings)
+    if look.findings:
+        heading(console, "Warnings")
+        print_findings(console, look.findings, "yellow")
     if not quiet:
         _print_contents(console, checked)
     heading(console, "First simulation of the model as given, in free run")
@@ -90,7 +96,7 @@ def _summary(look: FirstLook) -> str:
     kinds = ("states", "inputs", "outputs", "free_parameters")
     sizes = {kind[:-1].replace("_", " "): len(getattr(model, kind)) for kind in kinds}
     counts = [f"{n} {kind}{'' if n == 1 else 's'}" for kind, n in sizes.items()]
-    held = "can be used" if not look.warnings else "can be read, with warnings"
+    held = "can be used" if not look.findings else "can be read, with warnings"
     return f"The model of the {model.name} ({', '.join(counts)}) and the records {held}."
 
 

@@ -13,7 +13,7 @@ from sklearn_pgnn.cli.inputs import (
     read_model_and_records,
     read_noise,
 )
-from sklearn_pgnn.cli.tables import print_table, say, screen, warn
+from sklearn_pgnn.cli.tables import print_table, say, screen
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import least_size
@@ -63,7 +63,7 @@ class DetectJob:
             return
         console = screen()
         if not quiet and self.diagnosis.remaining_.kind != "noise":
-            warn(console, [HIDES])
+            say(console, HIDES, "yellow")
         say(console, f"Named with probability {100 * found.power:.0f} % from this size on", "bold")
         seen = (
             (cause_name(r.effect, r.target), r.parameter.replace("_", " "), least_size(r, 3))

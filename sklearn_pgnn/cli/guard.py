@@ -11,7 +11,8 @@ import click
 from rich.console import Console
 
 from sklearn_pgnn.cli.ending import check, stoppable
-from sklearn_pgnn.exceptions import UNUSABLE
+from sklearn_pgnn.cli.options import PROGRAM
+from sklearn_pgnn.exceptions import UNUSABLE, code_of
 from sklearn_pgnn.extras import EXTRA_OF
 from sklearn_pgnn.progress_display import Show, shown_progress
 
@@ -88,7 +89,10 @@ def _told(error: Exception) -> Exception:
     if isinstance(error, MemoryError):
         return Unusable("expected input that fits into memory, got more. Remedy: fewer records.")
     lacks = isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
-    return Unusable(one_line(error)) if lacks or isinstance(error, UNUSABLE) else Bug(error)
+    if isinstance(error, UNUSABLE):
+        code = code_of(type(error))
+        return Unusable(one_line(f"{error} (see: {PROGRAM} explain {code})"))
+    return Unusable(one_line(error)) if lacks else Bug(error)
 
 
 @contextmanager

@@ -10,9 +10,11 @@ from rich.console import Console
 from rich.text import Text
 
 from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.options import PROGRAM
 from sklearn_pgnn.cli.tables import (
     change,
     heading,
+    print_findings,
     print_table,
     print_trimmed,
     say,
@@ -86,6 +88,7 @@ def print_diagnosis(diagnosis: "ModelDiagnosis", output: Path, *, quiet: bool) -
     heading(console, "Written")
     for name, what in described_files(diagnosis).items():
         console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
+    say(console, f"{PROGRAM} explain {diagnosis.verdict_} says what the verdict means.", "dim")
 
 
 def _print_quality(console: Console, findings: Iterable[Finding]) -> None:
@@ -93,9 +96,7 @@ def _print_quality(console: Console, findings: Iterable[Finding]) -> None:
     if not findings:
         return
     say(console, "Quality of the records: read this first", "bold yellow")
-    for finding in findings:
-        text = f"{finding.kind}: {finding.text}. Remedy: {finding.remedy}."
-        console.print(Text(f"  {one_line(text)}"), soft_wrap=True)
+    print_findings(console, findings)
     console.print()
 
 

@@ -8,6 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.options import PROGRAM
+from sklearn_pgnn.record_quality.finding import Finding
 
 
 def screen() -> Console:
@@ -26,13 +28,12 @@ def heading(console: Console, text: str) -> None:
     say(console, text, "bold")
 
 
-def warn(console: Console, warnings: Iterable[str]) -> None:
-    """Print warnings below a heading; nothing where there are none."""
-    warnings = list(warnings)
-    if warnings:
-        heading(console, "Warnings")
-    for warning in warnings:
-        console.print(Text(f"  {one_line(warning)}", style="yellow"), soft_wrap=True)
+def print_findings(console: Console, findings: Iterable[Finding], style: str = "") -> None:
+    """Print findings with their codes, and how to read more of them."""
+    for each in findings:
+        text = Text(f"  {one_line(f'{each.code}: {each.said}')}", style=style)
+        console.print(text, soft_wrap=True)
+    say(console, f"{PROGRAM} explain CODE says more.", "dim")
 
 
 def change(value: float, prior: float) -> str:

@@ -16,7 +16,7 @@ def plain_diagnosis(diagnosis: "ModelDiagnosis") -> dict:
     unexplained = diagnosis.discrepancy_
     found = {
         "verdict": diagnosis.verdict_,
-        "data_quality": [plain(finding) for finding in diagnosis.data_quality_],
+        "data_quality": [finding.to_dict() for finding in diagnosis.data_quality_],
         "causes": [_plain_cause(cause) for cause in diagnosis.causes_],
         "groups": {column: list(names) for column, names in diagnosis.groups_.items()},
         "separations": [plain_separation(found) for found in diagnosis.separations_],

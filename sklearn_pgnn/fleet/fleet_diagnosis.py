@@ -11,6 +11,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn import __version__
 from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimation.plain_data import finite
@@ -292,6 +293,7 @@ class FleetDiagnosis(BaseEstimator):
                 "changes": [asdict(change) for change in self.changes_],
                 "new": list(self.new_),
                 "missing": list(self.missing_),
+                "version": __version__,
             }
         )
 

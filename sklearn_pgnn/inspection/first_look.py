@@ -1,18 +1,21 @@
 """A first look: a model simulated on records as given, before any diagnosis."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from sklearn_pgnn.exceptions import SimulationWarning, code_of
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.runs import fit_percentage, run_from_starts
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.record_quality.checks import find_repeats
+from sklearn_pgnn.record_quality.finding import Finding, finding_of
 from sklearn_pgnn.record_quality.wiring import find_wiring
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.measured import remarks_on_dead_outputs, spans_of
-from sklearn_pgnn.trajectories.record import REMEDY, remarks_on_repeats
 
 _TABLES = ("records", "quantities", "outputs")
 
@@ -78,7 +81,7 @@ class FirstLook:
         Inputs and outputs.
     outputs : tuple of FirstFit
         The fit of every output by the model as given.
-    warnings : tuple of str
+    findings : tuple of Finding
         What looks wrong, each with its remedy.
 
     Examples
@@ -95,16 +98,22 @@ class FirstLook:
     records: tuple[SeenRecord, ...]
     quantities: tuple[SeenQuantity, ...]
     outputs: tuple[FirstFit, ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings in sentences."""
+        return tuple(finding.said for finding in self.findings)
 
     def __repr__(self):
         fits = ", ".join(f"{o.output} {o.fit:.0f} %" for o in self.outputs)
-        return f"<FirstLook at {self.model.name!r}: fit {fits}; warnings: {len(self.warnings)}>"
+        return f"<FirstLook at {self.model.name!r}: fit {fits}; warnings: {len(self.findings)}>"
 
     def to_dict(self) -> dict:
         """Return all but the model as plain data."""
         rows = {n: [asdict(row) for row in getattr(self, n)] for n in _TABLES}
-        return {"model": self.model.name, **rows, "warnings": list(self.warnings)}
+        findings = [finding.to_dict() for finding in self.findings]
+        return {"model": self.model.name, **rows, "findings": findings}
 
 
 def first_look(model: PhysicsModel, X, y) -> FirstLook:
@@ -143,19 +152,15 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
     windows, runs = windowed.windows, run_from_starts(model, windowed)
     quantities = _quantities(model, windows.u, windows.y)
     outputs = _fits(model, windows, np.concatenate([run.y for run in runs]))
-    warnings = (
+    findings = (
         *_constant(quantities),
-        *remarks_on_dead_outputs(model, records),
-        *(f"{remark}. Remedy: {REMEDY}." for remark in remarks_on_repeats(records)),
+        *(finding_of("dead sensor", said) for said in remarks_on_dead_outputs(model, records)),
+        *find_repeats(records),
         *_gaps(records),
-        *(
-            f"record {record.name!r}: {run.message}"
-            for record, run in zip(records, runs, strict=True)
-            if run.message
-        ),
+        *_diverged(records, runs),
         *_odd(model, records, outputs),
     )
-    return FirstLook(model, _seen(model, records, windows, runs), quantities, outputs, warnings)
+    return FirstLook(model, _seen(model, records, windows, runs), quantities, outputs, findings)
 
 
 # -- what is there ---------------------------------------------------------------------------------
@@ -202,41 +207,58 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
 # -- what looks wrong ------------------------------------------------------------------------------
 
 
-def _constant(quantities) -> list[str]:
-    return [
-        f"{q.role} {q.name!r} is {f'{number(q.low)} {q.unit}'.rstrip()} in every sample: nothing "
-        f"that depends on its changes can be found. Remedy: a record in which it changes."
-        for q in quantities
-        if q.low == q.high
-    ]
+def _constant(quantities) -> Iterator[Finding]:
+    kinds = {"input": "poor excitation", "output": "dead sensor"}
+    for q in quantities:
+        if q.low == q.high:
+            yield Finding(
+                kinds[q.role],
+                q.name,
+                f"{q.role} {q.name!r} is {f'{number(q.low)} {q.unit}'.rstrip()} in every sample: "
+                f"nothing that depends on its changes can be found",
+                q.low,
+                "a record in which it changes",
+            )
 
 
-def _gaps(records) -> list[str]:
-    """Return remarks on gaps in time, the longest of every record."""
-    said = []
+def _gaps(records) -> Iterator[Finding]:
+    """Yield findings on gaps in time, the longest of every record."""
     for record in records:
         steps = np.diff(record.t)
         usual, longest = np.median(steps), int(np.argmax(steps))
         if steps[longest] > MIN_SAMPLES * usual:
-            said.append(
+            yield Finding(
+                "dropped samples",
+                record.name,
                 f"record {record.name!r}: no sample for {number(steps[longest])} s from "
                 f"t = {number(record.t[longest])} s on, where others are {number(usual)} s apart; "
-                f"what the inputs did there is unknown. Remedy: none is needed, a diagnosis cuts a "
-                f"record at long gaps."
+                f"what the inputs did there is unknown",
+                float(steps[longest]),
+                "none is needed, a diagnosis cuts a record at long gaps",
             )
-    return said
 
 
-def _odd(model, records, outputs) -> list[str]:
-    """Return remarks on a wiring that the model follows, else on outputs that it does not."""
+def _diverged(records, runs) -> Iterator[Finding]:
+    kind = code_of(SimulationWarning).replace("_", " ")
+    for record, run in zip(records, runs, strict=True):
+        if run.message:
+            yield finding_of(kind, f"record {record.name!r}: {run.message}", record.name)
+
+
+def _odd(model, records, outputs) -> list[Finding]:
+    """Return findings on a wiring that the model follows, else on outputs that it does not."""
     wiring = find_wiring(model, records)
     if wiring is not None:
-        found = wiring.finding(model)
-        return [f"{found.text}. Remedy: {found.remedy}."]
+        return [wiring.finding(model)]
     return [
-        f"{o.output!r}: the first simulation predicts the records no better than their mean does, "
-        f"nor clearly better with another sign, order or unit of a channel. Remedy: check values "
-        f"and equations; a diagnosis re-tunes a parameter only within its spread."
+        Finding(
+            "poor fit",
+            o.output,
+            f"{o.output!r}: the first simulation predicts the records no better than their mean "
+            f"does, nor clearly better with another sign, order or unit of a channel",
+            o.fit,
+            "check values and equations; a diagnosis re-tunes a parameter only within its spread",
+        )
         for o in outputs
         if o.fit < 0
     ]

@@ -29,6 +29,8 @@ from sklearn_pgnn.readings import reading
 from sklearn_pgnn.user_line import warn_user
 from sklearn_pgnn.whole_file import is_stream, write_whole
 
+#: version of the format that is written; a file without one is read as if it had this one
+VERSION = 1
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
 #: doubts of one kind that are told of one entry of a file
@@ -73,7 +75,7 @@ def written_parts(parts: dict) -> str:
     yaml = YAML(typ="rt")
     yaml.width = 2**31
     text = io.StringIO()
-    yaml.dump(_written(parts), text)
+    yaml.dump({"version": VERSION, **_written(parts)}, text)
     return text.getvalue()
 
 
@@ -192,6 +194,7 @@ class _Reader:
         for key in () if "robot" in data else needed:
             if not data.get(key):
                 self.refuse(self.places.get((key,), root), f"expected {key!r}, got none.")
+        data.pop("version", None)
         data.setdefault("parameters", {})
         return data
 
@@ -263,6 +266,13 @@ class _Reader:
 
     def title(self, node: Node, part: str) -> str:
         return self.text_of(node, part)
+
+    def version(self, node: Node, part: str) -> str:
+        text = self.scalar(node, f"{part}: expected {VERSION}")
+        if text != str(VERSION):
+            remedy = "a later sklearn-pgnn reads it"
+            self.refuse(node, f"{part}: expected {VERSION}, got {_shown(node)}. Remedy: {remedy}.")
+        return text
 
     def section(self, node: Node, part: str, read: Callable[[Node, str], Any]) -> dict:
         """Read a mapping; a missing one is empty."""
@@ -414,6 +424,7 @@ _SECTIONS = {
     "let": _Reader.texts,
     "ports": _Reader.ports,
     "robot": _Reader.robot,
+    "version": _Reader.version,
 }
 #: parts of a model that are a robot's own
 _OF_ROBOTS = {"equations", "inertia", "forces", "capacity", "flows", "lagrangian", "energy", "let"}

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from schemas import faults
 
 from sklearn_pgnn import PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
@@ -95,6 +96,8 @@ def test_the_json_is_strict_and_complete(done):
         raise AssertionError(constant)
 
     data = json.loads((done[0] / "diagnosis.json").read_text(), parse_constant=refuse)
+    assert faults("diagnosis", data) == []
+    assert faults("diagnosis", {**data, "cause": []})
     assert data["version"] == __version__
     assert data["verdict"] in {"cause_named", "ambiguous"}
     cause = data["causes"][0]

@@ -95,7 +95,7 @@ def test_our_own_errors_are_about_the_input(tmp_path, breaking, error):
     breaking(error)
     result = run([*args, "--quiet"])
     assert result.exit_code == 2
-    assert result.stderr == f"Error: {error}\n"
+    assert result.stderr.startswith(f"Error: {error} (see: sklearn-pgnn explain ")
 
 
 def test_debug_shows_the_traceback_with_the_same_exit_code(tmp_path, breaking):

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from schemas import faults
 from scipy.integrate import solve_ivp
 from test_cli import MODEL, table
 
@@ -174,7 +175,8 @@ def test_a_check_says_what_is_assumed_of_the_channels(files):
 def test_a_check_as_json_is_strict(files):
     data = json.loads(run("check", *given(files), "--json").stdout)
     assert data["outputs"][0]["fit"] > 99
-    assert data["warnings"] == data["unused_columns"] == []
+    assert data["findings"] == data["unused_columns"] == faults("check", data) == []
+    assert faults("check", {**data, "warnings": []})
 
 
 # -- simulate --------------------------------------------------------------------------------------
@@ -330,7 +332,7 @@ def test_check_simulates_a_stiff_model(stiff):
     records = sorted(stiff.glob("r_*.csv"))
     found = json.loads(run("check", "--model", stiff / "given.yaml", *records, "--json").stdout)
     assert found["outputs"][0]["fit"] > 98
-    assert not [said for said in found["warnings"] if "sign" in said or "non-finite" in said]
+    assert not [f for f in found["findings"] if "sign" in f["text"] or "non-finite" in f["text"]]
 
 
 def test_every_column_of_a_fit_is_in_the_steps_that_are_told(stiff, tmp_path):
@@ -352,5 +354,7 @@ def test_no_sign_is_told_of_a_run_that_diverges(tmp_path):
         "states: {y: V}\ninputs: {u: V}\nparameters: {a: 15.0}\nequations: {y: a*y + u}\n"
     )
     said = run("check", "--model", tmp_path / "m.yaml", tmp_path / "r.csv", "--json").stdout
-    told = json.loads(said)["warnings"]
+    found = json.loads(said)
+    told = [finding["text"] for finding in found["findings"]]
+    assert faults("check", found) == []
     assert not [each for each in told if "opposite sign" in each or "times what" in each]

@@ -183,7 +183,7 @@ def test_a_model_file_without_an_end_is_refused(tmp_path, made):
     if made == "pipe":
         os.mkfifo(path)
     said = refused(["check", "--model", path, tmp_path / "a.csv"])
-    assert said == f"Error: {path}:1:1: expected a model file, got: a pipe or a device.\n"
+    assert said.startswith(f"Error: {path}:1:1: expected a model file, got: a pipe or a device. (")
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from schemas import faults
 from sledge import SLEDGE, drive
 
 from sklearn_pgnn import FleetDiagnosis, effects
@@ -51,6 +52,8 @@ def test_the_results_are_written_and_told(done):
     written = {path.name for path in (folder / "result" / "machines" / "b").iterdir()}
     assert {"diagnosis.json", "extended_model.yaml", "report.html"} < written
     assert (folder / "result" / "index.html").exists()
+    data = json.loads((folder / "result" / "fleet.json").read_text())
+    assert faults("fleet", data) == []
 
 
 @pytest.mark.slow
@@ -78,6 +81,7 @@ def test_what_changed_is_told(done):
     result = call(folder / "april", *named, *then, *QUICK)
     assert result.exit_code == 0, result.output
     assert "a: Coulomb friction on v is newly named" in result.output
+    assert faults("fleet", json.loads((folder / "april_result" / "fleet.json").read_text())) == []
 
 
 @pytest.mark.slow

@@ -188,7 +188,7 @@ def test_faults_of_the_records_are_told_before_the_verdict(capsys):
     print_diagnosis(bad, Path("out"), quiet=False)
     text = capsys.readouterr().out
     assert text.startswith("Quality of the records: read this first\n  outliers: three samples")
-    assert "look at the cable.\n\n" in text
+    assert "look at the cable.\nsklearn-pgnn explain CODE says more.\n\n" in text
     assert text.index("look at the cable") < text.index("The model of the cart")
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from schemas import faults
 from sklearn.exceptions import NotFittedError
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
@@ -154,7 +155,9 @@ def test_a_candidate_whose_fit_breaks_down_is_unusable_and_the_search_goes_on(mo
     diagnosis = diagnose(catalogue=(Broken, *CANDIDATES))
     assert named(diagnosis) == [("coulomb_friction", "v")]
     assert diagnosis.unusable_[0] == ("broken", "v", str(error))
-    assert json.loads(json.dumps(diagnosis.to_dict()))["unusable"][0]["reason"] == str(error)
+    data = json.loads(json.dumps({**diagnosis.to_dict(), "version": ""}))
+    assert data["unusable"][0]["reason"] == str(error)
+    assert faults("diagnosis", data) == []
     said = unusable_sentence(diagnosis)
     assert "broken on v" in said
     assert said in render_report(diagnosis)

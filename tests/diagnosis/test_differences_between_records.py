@@ -6,6 +6,7 @@ from unittest.mock import Mock
 import numpy as np
 import pandas as pd
 import pytest
+from schemas import faults
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import result
@@ -150,7 +151,9 @@ def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
     assert column.endswith(f"__since_{onset.value:g}".replace(".", "p"))
     assert onset.value == pytest.approx(since, abs=0.03 * 8.0)
     assert onset.low <= since <= onset.high < onset.low + 0.1 * 8.0
-    assert diagnosis.to_dict()["causes"][0]["onset"]["high"] == onset.high
+    data = {**diagnosis.to_dict(), "version": ""}
+    assert data["causes"][0]["onset"]["high"] == onset.high
+    assert faults("diagnosis", data) == []
     ends = f"(onset between {onset.low:.5g} and {onset.high:.5g} s)."
     assert diagnosis.causes_[0].summary.endswith(f"in run_1 since {onset.value:g} s {ends}")
     usual = {"d": 1.6, "k": 50.0}[name]

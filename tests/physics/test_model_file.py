@@ -127,6 +127,7 @@ def test_it_is_written_as_a_person_would():
         columns={"torque": "tau_cmd"},
     )
     assert model.to_yaml() == (
+        "version: 1\n"
         "name: golf robot\n"
         "states: {phi: rad, omega: rad/s}\n"
         "inputs: {torque: N m}\n"
@@ -250,6 +251,7 @@ def cart_with(old, new):
         ("unit: kg", "fixed: 1", "5:26: parameters.m.fixed: expected true or false, got '1'."),
         ("unit: kg", "spread: 0", "5:3: parameter 'm': expected a spread > 0, got 0."),
         ("name: cart", "title: cart", "1:1: unknown key 'title'; expected name, states, inputs,"),
+        ("name: cart", "name: cart\nversion: 2", "2:10: version: expected 1, got '2'. Remedy: a"),
         ("name: cart", "name: [cart]", "1:7: name: expected text, got a list."),
         ("name: cart", "name: cart\nname: c", "2:1: 'name' is here twice; first in line 1."),
         ("{F: N}", "{F: N, F: kN}", "3:16: 'F' is here twice; first in line 3."),

@@ -275,7 +275,7 @@ def test_findings_are_plain_data():
     diagnosis = ModelDiagnosis(cart(), catalogue=())
     diagnosis.fit(table[["trajectory", "t", "F"]], table["position"])
     data = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))["data_quality"]
-    assert set(data[0]) == {"kind", "where", "text", "value", "remedy"}
+    assert set(data[0]) == {"code", "kind", "where", "text", "value", "remedy"}
     assert "clipping" in {finding["kind"] for finding in data}
 
 

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from schemas import faults
 from situations import HIDDEN, situation
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
@@ -93,6 +94,7 @@ def test_the_run_that_convinces_is_that_of_the_record_which_fits_worst_as_given(
 @pytest.mark.parametrize("name", HIDDEN)
 def test_sizes_and_intervals_are_those_of_the_file(name):
     data, text = situation(name).to_dict(), html(name)
+    assert faults("diagnosis", {**data, "version": ""}) == []
     title, table = part(text, "<h1>", "</h1>"), part(text, 'id="parameters"', "</section>")
     for parameter in data["parameters"].values():
         assert measured(*(parameter[key] for key in ("value", "low", "high"))) in table
