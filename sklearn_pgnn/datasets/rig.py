@@ -39,10 +39,7 @@ def add_noise(model, y, noise, rng):
 
 
 def noise_levels(model, noise):
-    """Return the standard deviation of the noise of every output.
-
-    `noise` is common, or per output; outputs missing from a mapping have no noise.
-    """
+    """Return the standard deviation of the noise of every output; one in no mapping has none."""
     levels = noise if hasattr(noise, "get") else dict.fromkeys(model.outputs, noise)
     unknown = [name for name in levels if name not in model.outputs]
     values = np.array([float(levels.get(name, 0.0)) for name in model.outputs])
@@ -110,8 +107,6 @@ def resting_input(model):
 
     This is the least-squares solution of :math:`f(0, x_0, u) = 0` for rates affine in the inputs.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import systems
     >>> resting_input(systems.two_tanks()).round(6)
     array([3.])
@@ -151,10 +146,7 @@ def settled(plant, known, x, u):
 
 
 def excursion(model, y):
-    """Return the largest excursion of the first output, relative to its reach.
-
-    Every record has one; it is infinite where the record is not finite.
-    """
+    """Return the largest excursion of the first output, relative to its reach, of every record."""
     reach = REACH.get(model.unit(next(iter(model.outputs))), 1.0)
     moved = np.abs(y[..., 0] - y[:, :1, 0]).max(axis=1)
     return np.where(np.isfinite(y).all(axis=(1, 2)), moved, np.inf) / reach

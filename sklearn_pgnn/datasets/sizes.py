@@ -117,10 +117,7 @@ SPANS = {("input_backlash", "width"): 2.0}
 
 
 def measure_scales(model, t, u, x, y) -> Scales:
-    """Measure the magnitudes of the signals of a set of records.
-
-    Inputs, states and outputs have shape (n_records, n_samples, n).
-    """
+    """Measure magnitudes in records: arrays of shape (n_records, n_samples, n)."""
     signals = {
         name: values[..., i]
         for names, values in ((model.outputs, y), (model.states, x), (model.inputs, u))

@@ -63,10 +63,7 @@ class Comparison:
         return told
 
     def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
-        """Return the evidence for the second of two hypotheses, each with a disturbance.
-
-        It is NaN where it cannot be computed.
-        """
+        """Return the evidence for the second of two disturbed hypotheses; NaN for none."""
         share = self.criterion.smallest_share
         return self.fitter.evidence_disturbed(without, with_, share)
 
@@ -189,10 +186,7 @@ class Comparison:
         return bool(self._coloured(trial, self.fitter.held_out(trial).windows.squares).any())
 
     def runs_away(self, trial: FittedHypothesis) -> bool:
-        """Return whether a hypothesis tells nothing, and leaves more than noise.
-
-        See `WindowFitter.runs_away`.
-        """
+        """Return whether a hypothesis tells nothing, and leaves more than noise."""
         return self.fitter.runs_away(trial) and self.is_coloured(trial)
 
     def leaves_what_may_depend(self, trial: FittedHypothesis) -> bool:

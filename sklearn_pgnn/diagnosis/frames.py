@@ -52,8 +52,6 @@ def parameters_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
     By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
     excludes the prior value.
 
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> from sklearn_pgnn.diagnosis.result import RetunedParameter
     >>> mass = RetunedParameter(2.0, 2.1, 2.05, 2.15, "kg", True)
@@ -85,8 +83,6 @@ def gain_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
     is explained with its 95 % interval, the errors of the same models in free run over whole
     records, and the unit of the errors.
 
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> from sklearn_pgnn.diagnosis import FreeRunError, Gain
     >>> found = SimpleNamespace(gain_={"v": Gain(3.0, 2.0, 1.0, 1.0, 0.99, 0.98, 1.0, "m/s")},

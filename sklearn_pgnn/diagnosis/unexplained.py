@@ -273,8 +273,6 @@ def term_library(
 ) -> list[sympy.Expr]:
     """Return functions of one quantity, and products of functions of two, of the leading ones.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y"})
     >>> term_library(lag, ["y"])
     [1, y, Abs(y), y**2, y*Abs(y), y**3]

@@ -259,10 +259,7 @@ class Judged(NamedTuple):
 
 
 class DisturbedEvidence:
-    """Evidence between hypotheses with a disturbance; the likelihoods are cached.
-
-    `folds` is the fold of every window.
-    """
+    """Evidence between hypotheses with a disturbance; the likelihoods are cached, by fold."""
 
     def __init__(self, problem: EstimationProblem, folds: np.ndarray):
         self.problem, self.folds = problem, folds

@@ -13,10 +13,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 class Start(NamedTuple):
-    """Expected initial states of windows, and their uncertainty.
-
-    `x0` has shape (n_windows, n_states), its standard deviation `spread` (n_states,).
-    """
+    """Expected initial states (n_windows, n_states), and their standard deviation (n_states,)."""
 
     x0: np.ndarray
     spread: np.ndarray
@@ -64,8 +61,6 @@ class SubsampleFit(FittedHypothesis):
 def is_clearly_less(objective: float, other: float) -> bool:
     """Return whether a fit's error is less than another one's by more than its tolerance.
 
-    Examples
-    --------
     >>> is_clearly_less(90.0, 100.0), is_clearly_less(99.99, 100.0)
     (True, False)
     """

@@ -28,10 +28,7 @@ class Unusable(NamedTuple):
 
 
 class FailureLog:
-    """Log of failed fits, with the reasons.
-
-    A hypothesis that was fitted from another start, or later, is not unusable.
-    """
+    """Log of failed fits, with the reasons, that did not succeed from another start or later."""
 
     def __init__(self) -> None:
         self._lost: dict[Any, Unusable] = {}

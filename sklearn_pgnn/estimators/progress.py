@@ -26,10 +26,7 @@ def progress_printer(estimator) -> PrintLine:
 
 @contextmanager
 def progress_display(estimator) -> Iterator[Callable[..., None]]:
-    """Show stages, by a bar in a terminal and by lines elsewhere, if the estimator is verbose.
-
-    Yields a function that is called as ``show(stage, done, total)``.
-    """
+    """Yield ``show(stage, done, total)``: if verbose, a bar in a terminal, else lines."""
     if not estimator.verbose:
         yield silence
         return

@@ -199,8 +199,6 @@ def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms:
 
     The ridge penalty `alpha` is per row.
 
-    References
-    ----------
     .. [1] S. L. Brunton, J. L. Proctor, J. N. Kutz, "Discovering governing equations from data by
        sparse identification of nonlinear dynamical systems", PNAS 113(15), 2016,
        :doi:`10.1073/pnas.1517384113`.

@@ -14,10 +14,7 @@ from sklearn_pgnn.trajectories.tables import as_table, is_named, time_name
 
 
 def apart_from(names, columns) -> list[str]:
-    """Return names that no column has, so that none is mistaken for another quantity.
-
-    An underscore is appended to those that a column has.
-    """
+    """Return names that no column has: an underscore is appended to those that one has."""
     found: list[str] = []
     for name in names:
         while name in columns or name in found:
@@ -81,8 +78,6 @@ def identifiers(called, columns=()) -> list[str]:
     They consist of letters, digits and underscores, and do not begin with a digit; a changed name
     never equals one of all `columns` of the table.
 
-    Examples
-    --------
     >>> identifiers(["phi", "torque [N m]", "2nd", "sin", "phi"])
     ['phi', 'torque_N_m', 'x2nd', 'sin_', 'phi_']
     """

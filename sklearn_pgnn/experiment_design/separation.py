@@ -73,10 +73,7 @@ class Wave:
         return NAMES[self.kind].format(period=period, low=self.low, high=self.high)
 
     def __call__(self, t: ArrayLike, duration: float) -> np.ndarray:
-        """Return the wave over time.
-
-        Times [s] run from 0 to `duration`.
-        """
+        """Return the wave over times [s] from 0 to `duration`."""
         t = np.asarray(t, dtype=float)
         share = t / duration
         if self.kind == "steps":
@@ -314,10 +311,7 @@ def _left(
     u: np.ndarray,
     each_step: EachStep,
 ) -> _Shown | None:
-    """Re-tune a rival to the outputs of a model, and return the residuals.
-
-    None if the outputs leave the range of the records, or if the rival cannot be fitted.
-    """
+    """Re-tune a rival to outputs, and return the residuals; None outside the records' range."""
     bounds = np.array([0, t.size])
     y = np.zeros((t.size, records.windows.y.shape[1]))
     whole = replace(

@@ -39,8 +39,6 @@ class Assignments:
 def rates_of(model: PhysicsModel) -> Assignments:
     """Return the assignments for a model's rates.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> ast.unparse(rates_of(lag).results[0])
     '(u0 - x0) / p0'

@@ -36,8 +36,6 @@ class CPrinter:
     def number(self, value: float) -> str:
         """Return a number's literal, with every digit that the precision holds.
 
-        Examples
-        --------
         >>> CPrinter().number(2), CPrinter(single=True).number(0.1)
         ('2.0', '0.1f')
         """
@@ -50,8 +48,6 @@ class CPrinter:
     def write(self, expression: ast.expr, names: Mapping[str, str]) -> str:
         """Return an expression in C.
 
-        Examples
-        --------
         >>> text = "-a*math.exp(-b**2) - (c - 1)"
         >>> CPrinter().write(ast.parse(text, mode="eval").body, {"a": "level"})
         '-level*exp(-power_2(b)) - (c - 1.0)'
@@ -158,8 +154,6 @@ RESERVED = frozenset({*_KEYWORDS.split(), *_TAKEN.split(), *FUNCTIONS}) | {
 def c_name(text: str) -> str:
     """Return a text as an identifier of C99.
 
-    Examples
-    --------
     >>> c_name("golf robot"), c_name("μ"), c_name("2 tanks")
     ('golf_robot', 'u03bc', 'm2_tanks')
     """
@@ -170,8 +164,6 @@ def c_name(text: str) -> str:
 def c_names(texts: Iterable[str], taken: Collection[str] = RESERVED) -> dict[str, str]:
     """Return a unique identifier for every text, none of them taken.
 
-    Examples
-    --------
     >>> c_names(["x", "x_", "phi", "c0", "double"])
     {'x': 'x_', 'x_': 'x__', 'phi': 'phi', 'c0': 'c0_', 'double': 'double_'}
     """

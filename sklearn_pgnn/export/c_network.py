@@ -27,10 +27,7 @@ _ACTIVATIONS = {
 
 
 def network_content(network, interval, *, precision: str, name: str | None) -> dict[str, Any]:
-    """Return the variables of the network's template.
-
-    An interval [s] of None is that of the training data; `name` is the prefix of all names.
-    """
+    """Return the variables of the template, by default for the training's interval [s]."""
     step = exportable_step(network, "to_c")
     refuse_other_interval(network, interval)
     machine = machine_of(
@@ -153,10 +150,7 @@ def _numbers(machine: Machine, network, step: NetworkStep) -> dict[str, Any]:
 
 
 def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
-    """Return the weights of a feed-forward network, layer by layer.
-
-    A layer has ``weights`` and ``bias``.
-    """
+    """Return the ``weights`` and ``bias`` of a feed-forward network, layer by layer."""
     found, place, theta = [], 0, weights_of(core)
     for n_in, n_out in pairwise(step.sizes):
         bias = place + n_in * n_out

@@ -47,17 +47,11 @@ class SymbolicMachine:
         self._rates, self._outputs = rates_of(model), outputs_of(model)
 
     def rates(self, t, x: Sequence, u: Sequence) -> list:
-        """Return the rates.
-
-        `u` are inputs as they act.
-        """
+        """Return the rates under inputs as they act."""
         return self._evaluate(self._rates, t, x, u)
 
     def outputs(self, t, x: Sequence, u: Sequence) -> list:
-        """Return the outputs.
-
-        `u` are inputs as they act.
-        """
+        """Return the outputs under inputs as they act."""
         return self._evaluate(self._outputs, t, x, u)
 
     def next_sample(self, t, interval: float, substeps: int, x, u, u_next) -> list:

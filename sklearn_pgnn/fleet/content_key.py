@@ -30,8 +30,6 @@ OURS = ("sklearn_pgnn.", "builtins", "abc")
 def content_key(*parts: str | bytes) -> str:
     """Return one hash of several parts.
 
-    Examples
-    --------
     >>> content_key("ab", "c") == content_key("a", "bc")
     False
     """
@@ -42,10 +40,7 @@ def content_key(*parts: str | bytes) -> str:
 
 
 def setting_key(model: PhysicsModel, options: Mapping) -> str:
-    """Return the hash of what all machines share: model, options and the package's version.
-
-    An option of `ModelDiagnosis` must consist of numbers or texts, to be identified.
-    """
+    """Return the hash of what all machines share: model, options and the package's version."""
     said = {name: value for name, value in options.items() if name not in HOW}
     catalogue = said.pop("catalogue", None)
     effects = () if catalogue is None else map(_effect_key, read_catalogue(catalogue))

@@ -24,10 +24,7 @@ def network_or_default(network):
 
 
 def network_as_trained(network, model: PhysicsModel, depths):
-    """Return the network with the prior as its model; None if no depth trains one.
-
-    It is a copy; None in the place of the depths stands for all.
-    """
+    """Return a copy of the network with the prior as its model; None if no depth trains one."""
     if depths is not None and not set(NETWORKS) & set(depths):
         return None
     trained = clone(network_or_default(network))

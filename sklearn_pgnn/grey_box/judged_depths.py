@@ -70,10 +70,7 @@ class DepthJudge:
     def judge_all(
         self, candidates: dict[str, PhysicsModel], depths: tuple[str, ...], network
     ) -> JudgedDepths:
-        """Fit every depth in every fold; the networks on the best physical depth.
-
-        A network whose training fails in a fold is left out.
-        """
+        """Fit every depth in every fold, networks on the best physical one."""
         tried = {depth: self._physical(depth, model) for depth, model in candidates.items()}
         results = {depth: found for depth, found in tried.items() if found}
         base = min(results, key=lambda depth: mean_error(results[depth]))
@@ -95,10 +92,7 @@ class DepthJudge:
     def _judge(
         self, depth: str, fits: Sequence[Callable[..., FittedDepth]], score: Callable
     ) -> list[FoldResult]:
-        """Compare a depth, fitted without each fold's hidden samples, with them.
-
-        Nothing is returned if the time is up before the last fold.
-        """
+        """Compare a depth with what was hidden from its fits; nothing if the time is up."""
         found = Parallel(n_jobs=self.n_jobs)(self._calls(depth, fits, score))
         if len(found) < len(self.folds):
             return []

@@ -11,10 +11,7 @@ DIAGNOSED = DEPTHS[2:4]
 
 
 def possible_depths(network) -> tuple[str, ...]:
-    """Return all depths that can be tried with a network.
-
-    None stands for the default network.
-    """
+    """Return all depths that can be tried with a network, by default the usual one."""
     if network is None and not is_installed("network"):
         return DEPTHS[: -len(NETWORKS)]
     return tuple(d for d in DEPTHS if d != "state_network" or can_see_less(network))

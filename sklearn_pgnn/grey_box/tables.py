@@ -43,10 +43,7 @@ class PlainTable:
 
 
 def plain_table(model: PhysicsModel, records) -> PlainTable:
-    """Concatenate records.
-
-    They may have no outputs.
-    """
+    """Concatenate records, also those without outputs."""
     frames = [
         pd.DataFrame({"trajectory": i, "t": record.t, **_inputs(model, record)})
         for i, record in enumerate(records)

@@ -9,8 +9,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def depends_on_time(model: PhysicsModel) -> bool:
     """Return whether the time itself stands in a model's equations or outputs.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> depends_on_time(lag), depends_on_time(lag.replace(equations={"y": "(u - y)/T + t"}))
     (False, True)

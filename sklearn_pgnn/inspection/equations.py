@@ -242,10 +242,7 @@ def _part(printer: Printer, expression) -> str:
 
 @dataclass(frozen=True)
 class Number:
-    """A parameter of an equation.
-
-    `mathml` is its symbol, and the value has its unit; it `is_new` if the other model lacks it.
-    """
+    """A parameter with its unit, its symbol in MathML, and whether the other model lacks it."""
 
     mathml: str
     value: str

@@ -47,8 +47,6 @@ def shown_models(diagnosis) -> dict[str, str]:
 def models_called(has_causes: bool, has_formula: bool) -> dict[str, str]:
     """Return the models, without the extended one where it is but the re-tuned one.
 
-    Examples
-    --------
     >>> models_called(has_causes=False, has_formula=True)
     {'prior': 'as given', 'refitted': 're-tuned', 'formula': 'with formula'}
     """

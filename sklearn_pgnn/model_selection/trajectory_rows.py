@@ -63,10 +63,7 @@ def are_measured(pieces, y) -> np.ndarray:
 
 
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
-    """Split trajectories in order so that the numbers of samples come nearest to given shares.
-
-    Return the numbers of the trajectories in every part, at least one each.
-    """
+    """Split trajectories in order so that the samples come nearest to shares, at least one each."""
     ends = np.cumsum(lengths)
     wanted = np.cumsum(shares)[:-1] * ends[-1]
     cuts, last = [], 0

@@ -119,10 +119,7 @@ def parse_expression(
 def standard_form(
     expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"
 ) -> sympy.Expr:
-    """Return an expression in the form that parsing its own text yields.
-
-    Two expressions with the same text are equal.
-    """
+    """Return the form that parsing an expression's own text yields: equal texts, equal forms."""
     known, held = _by_same_name(names), _held(expression)
     own = tuple(known[name] for name in held if name in known)
     return _reread(expression, own if len(own) == len(held) else names, where)

@@ -51,8 +51,6 @@ SECTION = ("coordinates", *ENERGIES, "forces")
 def lagrangian_parts(section: Mapping[str, Any], model: Mapping[str, Any]) -> dict[str, Any]:
     """Return the constructor's parts of a model of which a section gives the energies.
 
-    Examples
-    --------
     >>> section = {"coordinates": {"q": "w"}, "kinetic": "w**2/2", "potential": "1 - cos(q)"}
     >>> parts = lagrangian_parts(section, {"states": {"q": "rad", "w": "rad/s"}})
     >>> parts["equations"], parts["inertia"], parts["forces"]

@@ -58,10 +58,7 @@ def robot_in(path: FilePath) -> dict | None:
 
 
 def write_model(model: PhysicsModel, path: FilePath | None = None) -> str:
-    """Write a model as a model file.
-
-    Return the YAML text; a file is replaced as a whole or not at all.
-    """
+    """Write a model as a model file, whole or not at all, and return its YAML text."""
     text = written_parts(model.to_dict())
     if path is not None:
         write_whole(Path(path), text)
@@ -81,10 +78,7 @@ def written_parts(parts: dict) -> str:
 
 
 class _Reader:
-    """Read the nodes of one file; `places` holds the node of every key.
-
-    `computed` names the entries that do not stand in the file.
-    """
+    """Read the nodes of one file, by key; `computed` names entries that do not stand in it."""
 
     def __init__(self, path: str):
         self.path = path

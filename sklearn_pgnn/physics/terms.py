@@ -10,8 +10,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def model_terms(model: PhysicsModel) -> list[sympy.Expr]:
     """Return a model's states, inputs and the terms of its rates, without constant factors.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> model_terms(cart_on_spring())
     [x, v, force]

@@ -21,8 +21,6 @@ def limits_by_targets(model: PhysicsModel, simulated: np.ndarray, y: Table) -> n
     measured outputs, in the larger one of two units; of the simulated ones where y are no outputs
     of the model.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> volt = np.array([[1.0], [2.0], [1e9]])  # one of three rows has diverged
     >>> y = np.array([1.0, 2.0, 3.0])

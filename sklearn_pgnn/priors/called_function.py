@@ -75,8 +75,6 @@ def _quantities(names, values) -> Quantities:
 def by_name(found, names: Sequence[str] | None) -> dict:
     """Return a function's results by name; without `names` the function must name them.
 
-    Examples
-    --------
     >>> by_name([1.0, 2.0], ["x", "v"])
     {'x': 1.0, 'v': 2.0}
     """
@@ -166,8 +164,6 @@ def dependences(call, known, n_arguments: int, n_results: int) -> list[list[int]
     `known` are points with the results there. The arguments are those whose omission, or a change
     of whose value, changes the result at one of the points at least.
 
-    Examples
-    --------
     >>> known = [((1.0, 2.0), [1.0]), ((2.0, 3.0), [2.0])]
     >>> dependences(lambda point: [point[0]], known, 2, 1)
     [[0]]

@@ -38,8 +38,6 @@ class Finding:
 def listed(items: Iterable[str]) -> str:
     """Return a list as in a sentence, with "and" before its last entry.
 
-    Examples
-    --------
     >>> listed(["a", "b", "c"])
     'a, b and c'
     """

@@ -25,8 +25,6 @@ def find_closed_loop(
     It is looked for only where the model leaves no more than noise, and counts only where the
     noise makes up a part of :math:`\nu`.
 
-    References
-    ----------
     .. [1] L. D. Haugh, "Checking the independence of two covariance-stationary time series",
        Journal of the American Statistical Association 71, 1976,
        :doi:`10.1080/01621459.1976.10480353`.

@@ -271,10 +271,7 @@ def find_state_feedback(
 
 
 def _left(regression: StateRegression, ways: list[Replay], i: int, law: StateLaw) -> float:
-    """Return the least share that a law leaves of an input at one speed.
-
-    NaN where every simulation failed nearly everywhere.
-    """
+    """Return the least share that a law leaves of an input at one speed; NaN for none."""
     shares = []
     for way in ways:
         finite = (np.abs(way.x) < np.finfo(np.float32).max).all(axis=1)  # as large as trees take

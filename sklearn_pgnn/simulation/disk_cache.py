@@ -113,12 +113,8 @@ _WRITTEN = count()
 
 
 def key_of(*parts) -> str:
-    """Return the name of what depends on some parts, this code and the libraries.
+    """Return the name of what depends on parts, by ``repr``, this code and the libraries.
 
-    A part is told by its ``repr``, the same in every process.
-
-    Examples
-    --------
     >>> key_of("ab", "c") == key_of("ab", "c"), key_of("ab", "c") == key_of("a", "bc")
     (True, False)
     """

@@ -78,8 +78,6 @@ class NaturalSpline:
 
     The times increase; there are at least three samples.
 
-    References
-    ----------
     .. [1] P. J. Green, B. W. Silverman, "Nonparametric regression and generalized linear models",
        Chapman and Hall, 1994, section 2.3.3.
     """
@@ -157,8 +155,6 @@ def _symmetric(diagonal, next_to_it, two_off) -> np.ndarray:
 def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smoothed:
     """Fit a cubic smoothing spline whose penalty cross-validation chooses.
 
-    References
-    ----------
     .. [1] G. Wahba, "Spline models for observational data", SIAM, 1990,
        :doi:`10.1137/1.9781611970128`.
     """

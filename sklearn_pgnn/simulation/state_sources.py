@@ -39,10 +39,7 @@ MEASURED_SPREAD = 0.3
 
 @dataclass(frozen=True)
 class Source:
-    """An output that shows a state.
-
-    The state is the output's value, or its slope where `derivative` is 1.
-    """
+    """An output that shows a state by its value, or by its slope where `derivative` is 1."""
 
     smoothed: SmoothedOutput
     derivative: int

@@ -131,10 +131,7 @@ def is_bag_folder(path: FilePath) -> bool:
 
 
 def numbers(message: object, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the numbers in a message, each with the path of its field.
-
-    A path is ``/field``, and so on; the header is skipped.
-    """
+    """Yield the numbers in a message but its header, each with its field's path, ``/field``."""
     if isinstance(message, bool | int | float | np.number | np.bool_):
         yield path, float(message)
     elif isinstance(message, list | tuple | np.ndarray):

@@ -25,10 +25,7 @@ AT_THE_ENDS = 0.01
 
 
 class Channel(NamedTuple):
-    """The samples of a channel.
-
-    Times [s] are on the channel's own clock.
-    """
+    """The samples of a channel, with times [s] on its own clock."""
 
     t: np.ndarray
     values: np.ndarray

@@ -55,8 +55,6 @@ def warn_of_missing_starts(
     `is_told`, of shape (n_states,), is whether all trajectories of the fit had the initial value of
     a state.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
@@ -80,10 +78,7 @@ def warn_of_missing_starts(
 
 
 def told_in_all(records: Sequence[Record]) -> np.ndarray:
-    """Return for every state whether all trajectories have its initial value.
-
-    See `warn_of_missing_starts`.
-    """
+    """Return for every state whether all trajectories have its initial value."""
     return np.isfinite(np.array([record.x0 for record in records])).all(axis=0)
 
 

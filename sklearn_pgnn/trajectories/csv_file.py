@@ -228,8 +228,6 @@ def choose_separator(texts: list[str], names: list[str]) -> str:
 
     Blanks divide what tabs divide, too, and therefore come last.
 
-    Examples
-    --------
     >>> choose_separator(["rig 3, hall 2", "t;force, raw;speed", "0,0;1,5;2"], ["t", "speed"])
     ';'
     """

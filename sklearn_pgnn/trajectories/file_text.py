@@ -150,8 +150,6 @@ def _encoding(path: str, raw: bytes) -> str:
 def stem(path: str) -> str:
     """Return a file's name without its endings, with question marks for bytes that are no text.
 
-    Examples
-    --------
     >>> stem("rig/run_1.csv.gz"), stem("run.1.csv"), stem("run.zip")
     ('run_1', 'run.1', 'run')
     """

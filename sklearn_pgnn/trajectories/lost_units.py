@@ -63,8 +63,6 @@ def refuse_standardised(
 def warn_of_standardised_outputs(model: PhysicsModel, records: Sequence[Record]) -> None:
     """Warn of outputs that a scaler has stripped of their units, to which a model is fitted.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> X = np.column_stack([np.arange(20.0), np.ones(20)])

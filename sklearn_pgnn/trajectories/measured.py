@@ -17,8 +17,6 @@ from sklearn_pgnn.user_line import warn_user
 def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
     """Return a statistic of every column, NaN where nothing was measured.
 
-    Examples
-    --------
     >>> of_measured(np.nanmean, np.array([[1.0, np.nan], [2.0, np.nan]])).tolist()
     [1.5, nan]
     """
@@ -28,8 +26,6 @@ def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
 def where_measured(y: np.ndarray) -> np.ndarray:
     """Return at which samples some output was measured.
 
-    Examples
-    --------
     >>> where_measured(np.array([[1.0, np.nan], [np.nan, np.nan]])).tolist()
     [True, False]
     """
@@ -42,8 +38,6 @@ def where_measured(y: np.ndarray) -> np.ndarray:
 def spans_of(y: np.ndarray) -> np.ndarray:
     """Return the largest less the smallest value of every column, NaN where nothing was measured.
 
-    Examples
-    --------
     >>> spans_of(np.array([[1.0, np.nan], [3.0, np.nan], [np.nan, np.nan]])).tolist()
     [2.0, nan]
     """
@@ -62,8 +56,6 @@ def constant_outputs(records: Sequence[Record]) -> np.ndarray:
     The result has shape (n_records, n_outputs), and is also true for outputs that were not
     measured.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> X = np.column_stack([np.tile(np.arange(4.0), 2), np.ones(8)])
@@ -75,12 +67,8 @@ def constant_outputs(records: Sequence[Record]) -> np.ndarray:
 
 
 def remarks_on_dead_outputs(model: PhysicsModel, records: Sequence[Record]) -> list[str]:
-    """Return remarks on outputs that change in some records, and in others not though inputs do.
+    """Return remarks on outputs that change in some records only though inputs do in all.
 
-    Each has its remedy.
-
-    Examples
-    --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> X = np.column_stack([np.tile(np.arange(9.0), 2), np.arange(18.0)])
@@ -119,8 +107,6 @@ def warn_of_constant_outputs(
 
     `noise_is_told` is whether the noise of the outputs need not be estimated.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> X = np.column_stack([np.arange(9.0), np.ones(9)])

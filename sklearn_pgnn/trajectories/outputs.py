@@ -42,8 +42,6 @@ def read_outputs(model: PhysicsModel | None, y: Table, n_samples: int) -> np.nda
 def refuse_other_order(X: Table, y: Table) -> None:
     """Raise `RecordError` where y has the index of X in another order: rows are read by place.
 
-    Examples
-    --------
     >>> X = pd.DataFrame({"t": [0.0, 0.1]})
     >>> refuse_other_order(X, pd.Series([1.0, 2.0], index=[1, 0]))
     Traceback (most recent call last):

@@ -41,8 +41,6 @@ SHORT = 3.0
 def refuse_torn_rows(times: Sequence[np.ndarray]) -> None:
     """Raise `RecordError` where trajectories consist of single rows drawn from records.
 
-    Examples
-    --------
     >>> drawn = np.random.default_rng(0).permutation(100)[:80]
     >>> refuse_torn_rows([0.01 * np.sort(drawn)])
     Traceback (most recent call last):

@@ -19,8 +19,6 @@ from sklearn_pgnn.trajectories.tables import as_table, is_named
 def check_model(model: object, *, optional: bool = False) -> None:
     """Raise `TypeError` unless the parameter ``model`` is a `PhysicsModel`.
 
-    Examples
-    --------
     >>> check_model("model.yaml")
     Traceback (most recent call last):
         ...
@@ -44,9 +42,6 @@ def _short(value: object) -> str:
 def require_target(estimator: BaseEstimator, X: Table, y: Table) -> None:
     """Raise `ValueError` if `fit` got no y, in scikit-learn's words, or the rows in another order.
 
-    Examples
-    --------
-    >>> from sklearn.base import BaseEstimator
     >>> require_target(BaseEstimator(), [[0.0]], None)
     Traceback (most recent call last):
         ...
@@ -60,13 +55,8 @@ def require_target(estimator: BaseEstimator, X: Table, y: Table) -> None:
 
 
 def refuse_fit_params(estimator: BaseEstimator, fit_params: dict) -> None:
-    """Raise `OptionError` for weights of samples, and `TypeError` for what `fit` does not know.
+    """Raise `OptionError` for weights of samples, `TypeError` for what `fit` knows not.
 
-    In `fit_params` None stands for nothing.
-
-    Examples
-    --------
-    >>> from sklearn.base import BaseEstimator
     >>> refuse_fit_params(BaseEstimator(), {"sample_weight": [1.0, 2.0]})
     Traceback (most recent call last):
         ...
@@ -97,9 +87,6 @@ def validate_table(estimator: BaseEstimator, X: Table, *, reset: bool) -> Table:
     `fit` saw names and X has none, of which scikit-learn warns, its columns are taken to be those
     of `fit` in order.
 
-    Examples
-    --------
-    >>> from sklearn.base import BaseEstimator
     >>> estimator = BaseEstimator()
     >>> validate_table(estimator, [[0.0, 1.0], [0.1, 1.0]], reset=True).shape
     (2, 2)
@@ -182,8 +169,6 @@ def _mean_score(measured: np.ndarray, predicted: np.ndarray, weight: np.ndarray 
 def tags_of_records(tags: Tags, has_time: bool = True) -> Tags:
     """Return a regressor's tags: states may be NaN, and random numbers follow no physical model.
 
-    Examples
-    --------
     >>> from sklearn.linear_model import Ridge
     >>> tags_of_records(Ridge().__sklearn_tags__()).input_tags.allow_nan
     True

@@ -33,8 +33,6 @@ def clean_mapping(form: object, columns: Mapping) -> dict:
 def choices_of(role: str) -> tuple[str, ...]:
     """Return the kinds that a quantity of a role can be of.
 
-    Examples
-    --------
     >>> choices_of("time"), choices_of("input")[:2]
     ((), ('commanded', 'measured'))
     """
@@ -44,8 +42,6 @@ def choices_of(role: str) -> tuple[str, ...]:
 def clean_options(form: object) -> dict:
     """Return the options of a diagnosis.
 
-    Examples
-    --------
     >>> clean_options({"minutes": "2", "hold": "zoh"}), clean_options({})
     ({'hold': 'zoh', 'time_limit': 120.0}, {'hold': 'auto'})
     """

@@ -243,8 +243,6 @@ def _record(number: int, label: str, content: bytes) -> RecordFile:
 def shown_name(name: str) -> str:
     r"""Return the name of a file for display: its last part, printable, not too long.
 
-    Examples
-    --------
     >>> shown_name("C:\\rig\\run 1.csv"), shown_name("../../etc/passwd"), shown_name("")
     ('run 1.csv', 'passwd', 'file')
     """

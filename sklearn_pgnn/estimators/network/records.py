@@ -95,10 +95,7 @@ def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarr
 
 
 def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -> list[np.ndarray]:
-    """Estimate the states of every record from its outputs; the last estimates are cached.
-
-    A search needs the same ones again for every candidate.
-    """
+    """Estimate the states of every record from its outputs, cached for a search."""
     key = (model, hash_of([(r.t, r.u, r.y, r.x0) for r in records]), hold, substeps)
     with _KEEPING:
         x = _ESTIMATES.get(key)

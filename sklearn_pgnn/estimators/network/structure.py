@@ -269,10 +269,7 @@ def make_step(
 
 
 def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length: int | None):
-    """Measure the root mean square error of the outputs of the base alone.
-
-    It starts again from the measured state after `length` steps, or never.
-    """
+    """Measure the base's RMS error, restarted from measured states after `length` steps."""
     n_in, n_out = len(step.mean), step.n_network_outputs
     idle = replace(step, sizes=(n_in, n_out), loss=None)
     run = FreeRun(idle, np.zeros((n_in + 1) * n_out))

@@ -32,10 +32,7 @@ _EXTREMES = {sympy.Max: torch.maximum, sympy.Min: torch.minimum}
 
 
 def torch_value(expression, values) -> torch.Tensor:
-    """Evaluate an expression on tensors, differentiably.
-
-    All tensors have the same shape, and so has the value.
-    """
+    """Evaluate an expression on tensors of one shape, differentiably."""
     like = next(value for value in values.values() if torch.is_tensor(value))
     found = _function(sympy.sympify(expression))(values)
     return torch.as_tensor(found, dtype=like.dtype, device=like.device).expand(like.shape)

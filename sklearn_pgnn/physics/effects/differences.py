@@ -30,8 +30,6 @@ LEFT = 0.001
 def where_of(column: str) -> str:
     """Return the records of a group's column, and since when, as in a sentence.
 
-    Examples
-    --------
     >>> where_of("in_run_2__run_4__run_6"), where_of("in_run_2__since_12p5")
     ('in run_2, run_4 and run_6', 'in run_2 since 12.5 s')
     >>> where_of("in_all__since_60")
@@ -130,8 +128,6 @@ class ParameterDifference(Difference):
     def summarise(self, model: PhysicsModel) -> str:
         """Return both values.
 
-        Examples
-        --------
         >>> from sklearn_pgnn.physics import PhysicsModel
         >>> box = PhysicsModel({"T": "K"}, {"T": "-U*T"}, {"U": 7.0}, {"in_run_2": ""})
         >>> other = ParameterDifference("U(in_run_2)", difference=6.0)

@@ -234,8 +234,6 @@ class SensorEccentricity(OutputEffect):
 def _angle(model: PhysicsModel, output: str) -> sympy.Expr | None:
     """Return the angle [rad] that an output measures, if it measures one.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import PhysicsModel
     >>> outputs = {"counts": "1000*q", "dial": "p", "speed": "w", "both": "p + r", "to": "q - p"}
     >>> states = {"q": "rad", "w": "rad/s", "p": "deg", "r": "deg"}

@@ -161,8 +161,6 @@ class _Reversed(_OfChannels):
 class ReversedInput(_Inputs, _Reversed):
     r"""An input that acts with the other sign, :math:`-u`.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> print((lag + ReversedInput("u")).to_text())
     y' = (-u - y)/T
@@ -176,8 +174,6 @@ class ReversedInput(_Inputs, _Reversed):
 class ReversedOutput(_Outputs, _Reversed):
     r"""A sensor that reads the other sign, :math:`-y`.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> (lag + ReversedOutput("y")).outputs["y"]
     -y
@@ -189,12 +185,8 @@ class ReversedOutput(_Outputs, _Reversed):
 
 @dataclass(frozen=True)
 class ReversedTerm(Wiring):
-    r"""A term of an equation that has the other sign.
+    """A term of an equation, as ``"k*x/m in v"``, that has the other sign.
 
-    The target is the term and its equation, as ``"k*x/m in v"``.
-
-    Examples
-    --------
     >>> rates = {"x": "v", "v": "(k*x - v)/m"}
     >>> spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {"k": 9.0, "m": 1.0})
     >>> ReversedTerm.targets(spring)
@@ -231,8 +223,6 @@ class ReversedTerm(Wiring):
     def is_sign_of(self, model: PhysicsModel, other: Effect) -> bool:
         """Return whether another effect frees a parameter whose other sign is the term's.
 
-        Examples
-        --------
         >>> from sklearn_pgnn.effects import WrongParameter
         >>> rates = {"x": "v", "v": "(k*x - v)/m"}
         >>> spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {"k": 9.0, "m": 1.0})
@@ -283,8 +273,6 @@ class _Exchanged(_OfChannels):
 class ExchangedInputs(_Inputs, _Exchanged):
     r"""Two inputs of one unit whose columns are exchanged.
 
-    Examples
-    --------
     >>> pair = PhysicsModel({"y": "m"}, {"y": "2*a - b - y"}, inputs={"a": "V", "b": "V"})
     >>> print((pair + ExchangedInputs("a and b")).to_text())
     y' = -a + 2*b - y
@@ -299,8 +287,6 @@ class ExchangedInputs(_Inputs, _Exchanged):
 class ExchangedOutputs(_Outputs, _Exchanged):
     r"""Two outputs of one unit whose columns are exchanged.
 
-    Examples
-    --------
     >>> pair = PhysicsModel({"a": "m", "b": "m"}, {"a": "-a", "b": "a - b"})
     >>> dict((pair + ExchangedOutputs("a and b")).outputs)
     {'a': b, 'b': a}
@@ -314,8 +300,6 @@ class ExchangedOutputs(_Outputs, _Exchanged):
 class Factor(_OfChannels):
     """A channel that the file holds in another unit, or in counts, as ``"1024 on speed"``.
 
-    Examples
-    --------
     >>> shaft = PhysicsModel({"w": "rad/s"}, {"w": "-w"})
     >>> OutputFactor.targets(shaft)[1], OutputFactor.title("162.974661726 on w")
     ('9.54929658551 on w', 'factor 163 (1024 counts a turn) on w')
@@ -412,8 +396,6 @@ def _number(value: float) -> sympy.Expr:
 class InputFactor(_Inputs, Factor):
     r"""An input whose column holds :math:`c\,u`.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> print((lag + InputFactor("1000 on u")).to_text())
     y' = (u/1000 - y)/T
@@ -428,8 +410,6 @@ class InputFactor(_Inputs, Factor):
 class OutputFactor(_Outputs, Factor):
     r"""An output whose column holds :math:`c\,y`.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> (lag + OutputFactor("1024 on y")).outputs["y"]
     1024*y
@@ -446,8 +426,6 @@ class OutputFactor(_Outputs, Factor):
 class OtherClock(Wiring):
     r"""A time in another unit than seconds: :math:`dx/d\tau = c\,f(c\,\tau, x, u)`.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> print((lag + OtherClock("ms")).to_text())
     y' = (u - y)/(1000*T)
