@@ -9,10 +9,12 @@ from sklearn.base import clone
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import DiagnosisWarning
-from sklearn_pgnn.grey_box.default_parts import diagnosis_or_default
+from sklearn_pgnn.grey_box.options import diagnosis_or_default
 from sklearn_pgnn.grey_box.tables import PlainTable
-from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
 from sklearn_pgnn.grey_box.time_limit import TimeLimit
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.user_line import warn_user
 
@@ -90,3 +92,27 @@ def diagnosed_models(
     if part is not None and (may_be_timed or not depends_on_time(part.model)):
         models["formula"] = part.model
     return models
+
+
+# -- functions of the time alone: they describe how one record went, not the machine ---------------
+
+
+def depends_on_time(model: PhysicsModel) -> bool:
+    """Return whether the time itself stands in a model's equations or outputs.
+
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> depends_on_time(lag), depends_on_time(lag.replace(equations={"y": "(u - y)/T + t"}))
+    (False, True)
+    """
+    return any(TIME in e.free_symbols for e in (*model.equations.values(), *model.outputs.values()))
+
+
+def time_invariant_causes(model: PhysicsModel) -> tuple[type[Effect], ...]:
+    """Return the effects of the catalogue that make no model depend on the time that did not."""
+    if depends_on_time(model):
+        return tuple(CATALOGUE)
+    return tuple(
+        kind
+        for kind in CATALOGUE
+        if not any(depends_on_time(kind(target).apply(model)) for target in kind.targets(model))
+    )

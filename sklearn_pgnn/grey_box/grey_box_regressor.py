@@ -12,26 +12,29 @@ from sklearn.utils.validation import check_is_fitted, check_memory
 from sklearn_pgnn.annotations import Column, Table
 from sklearn_pgnn.estimators.progress import progress_printer, silence, with_progress
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.grey_box.cross_validation import check_window, is_unseen, training_error
-from sklearn_pgnn.grey_box.default_parts import (
-    diagnosis_or_default,
-    network_as_trained,
-    network_or_default,
+from sklearn_pgnn.grey_box.cross_validation import (
+    DepthJudge,
+    check_window,
+    is_unseen,
+    training_error,
 )
-from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
-from sklearn_pgnn.grey_box.depth_fits import fit_chosen
-from sklearn_pgnn.grey_box.depth_warnings import warn_if_useless, warn_of_no_finding
+from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, fit_chosen, states_met
 from sklearn_pgnn.grey_box.diagnosed_models import (
     diagnose,
     diagnosed_models,
     prepare_diagnosis,
     threads_of,
 )
-from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
-from sklearn_pgnn.grey_box.judged_depths import DepthJudge
-from sklearn_pgnn.grey_box.options import check_options
-from sklearn_pgnn.grey_box.possible_depths import DIAGNOSED, NETWORKS
-from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
+from sklearn_pgnn.grey_box.folds import hidden_parts
+from sklearn_pgnn.grey_box.options import (
+    DIAGNOSED,
+    NETWORKS,
+    check_options,
+    diagnosis_or_default,
+    network_as_trained,
+    network_or_default,
+)
+from sklearn_pgnn.grey_box.remarks import warn_if_useless, warn_of_no_finding, warn_of_spreads
 from sklearn_pgnn.grey_box.tables import PlainTable, plain_table, starts_for, usual_starts
 from sklearn_pgnn.grey_box.time_limit import TimeLimit, said_of
 from sklearn_pgnn.model_selection.search_space import searched_parts
