@@ -9,8 +9,7 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from sympy.printing.precedence import PRECEDENCE
 
 from sklearn_pgnn.inspection.numbers import number, typeset_unit
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
+from sklearn_pgnn.physics.expressions import TIME, expanded, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 
 #: digits of a number in an equation; as text it has all

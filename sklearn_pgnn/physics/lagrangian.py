@@ -32,8 +32,7 @@ from sympy.simplify.fu import TR8
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.declared_ports import declared_in, read_let
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import RATE, TIME, symbol
+from sklearn_pgnn.physics.expressions import RATE, TIME, expanded, symbol
 from sklearn_pgnn.physics.model_parts import (
     as_expression,
     as_mapping,

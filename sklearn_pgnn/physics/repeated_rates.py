@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import expanded, symbol
 from sklearn_pgnn.physics.found_ports import is_velocity
 
 if TYPE_CHECKING:

@@ -2,8 +2,7 @@
 
 import sympy
 
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import expanded, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
 

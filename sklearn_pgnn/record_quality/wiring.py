@@ -24,7 +24,7 @@ from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.effects.wiring import WIRINGS, Factor, OutputFactor, Wiring
-from sklearn_pgnn.physics.expansion import expanded
+from sklearn_pgnn.physics.expressions import expanded
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.joint_torques import told_by_torques, touches

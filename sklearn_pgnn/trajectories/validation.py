@@ -12,7 +12,7 @@ from sklearn.utils.validation import validate_data
 from sklearn_pgnn.annotations import ArrayLike, Table
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
+from sklearn_pgnn.trajectories.reader import read_outputs, refuse_other_order
 from sklearn_pgnn.trajectories.tables import as_table, is_named
 
 

@@ -19,8 +19,7 @@ from sklearn_pgnn.physics.effects.rates import (
     force_scale,
     may_be_speed,
 )
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import expanded, symbol
 from sklearn_pgnn.physics.extremes import bounded
 from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
 

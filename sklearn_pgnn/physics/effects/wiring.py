@@ -13,8 +13,7 @@ from typing import ClassVar
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, Scales
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
+from sklearn_pgnn.physics.expressions import TIME, expanded, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port, with_coefficients
 from sklearn_pgnn.physics.repeated_rates import with_rates
