@@ -11,12 +11,7 @@ from sklearn_pgnn.datasets.integrator import Plant, integrate
 
 
 def make_tables(model, t, u, x0, y):
-    """Write records as two tables, one row per sample, one trajectory after the other.
-
-    X has the columns ``trajectory``, ``t``, the inputs and the states; the states are known in the
-    first row of a trajectory and NaN in the others. Times [s] are common to the records, over which
-    the first axis of `u`, `x0` and `y` runs.
-    """
+    """Write records as X, with the states in the first row of a trajectory, and y, row by row."""
     n_records, n_samples = u.shape[:2]
     x = np.full((n_records, n_samples, len(model.states)), np.nan)
     x[:, 0] = x0
@@ -30,11 +25,7 @@ def make_tables(model, t, u, x0, y):
 
 
 def add_noise(model, y, noise, rng):
-    """Add white Gaussian noise to the outputs.
-
-    Their shape is (n_records, n_samples, n_outputs). The standard deviation `noise` is common, or
-    per output by name.
-    """
+    """Add white Gaussian noise to outputs (n_records, n_samples, n_outputs), common or by name."""
     return y + noise_levels(model, noise) * rng.standard_normal(y.shape)
 
 
@@ -83,11 +74,7 @@ class Rig:
     substeps: int = 1
 
     def inputs(self, amplitudes):
-        """Return the commanded inputs.
-
-        Every record has an amplitude [input]; the inputs have shape (n_records, n_samples,
-        n_inputs).
-        """
+        """Return inputs (n_records, n_samples, n_inputs) of an amplitude [input] a record."""
         return self.offset + amplitudes[:, None, None] * self.waves
 
     def run(self, plant, amplitudes, *, states=()):
@@ -153,11 +140,7 @@ def excursion(model, y):
 
 
 def find_amplitudes(rig: Rig, model, goals):
-    """Find the amplitude with which every record reaches its goal.
-
-    Goals are desired excursions, as fractions of the reach; the amplitudes are in the unit of the
-    input.
-    """
+    """Find the amplitudes [input] with which every record reaches its share of the reach."""
     amplitudes = np.full(goals.size, max(1.0, np.abs(rig.offset).max(initial=0.0)))
     for _ in range(ROUNDS):
         moved = np.maximum(excursion(model, rig.run(model, amplitudes)[1]), 1e-9)

@@ -140,11 +140,7 @@ def measure_scales(model, t, u, x, y) -> Scales:
 
 
 def family(kind, target: str, model, scales: Scales, rng):
-    """Draw an effect of undetermined size.
-
-    Return the effect as a function of its size; `rng` draws the proportions of its parameters, and
-    its sign.
-    """
+    """Draw an effect, its sign and proportions, as a function of its size."""
     sign = rng.choice([-1.0, 1.0])
     if kind.id == "wrong_parameter":
         own = model.parameters[target]  # changed by at least a fifth

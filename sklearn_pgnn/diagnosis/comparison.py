@@ -21,11 +21,7 @@ from sklearn_pgnn.physics.effects.wiring import Wiring
 
 
 class Comparison:
-    """Compare fitted hypotheses; a comparison does not depend on when it is made.
-
-    `given` are causes that the records show by themselves: any positive evidence for them is
-    enough.
-    """
+    """Compare fitted hypotheses, whenever it is made; any evidence is enough for given causes."""
 
     def __init__(
         self,

@@ -11,13 +11,7 @@ if TYPE_CHECKING:
 
 
 def causes_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
-    """Return the named causes as a table, one row per parameter.
-
-    A row has the rank of the cause, its effect and target, a parameter with its value, 95 %
-    interval and unit, the reduction of the error by the cause [%], its probability and that of none
-    of the catalogue (NaN where it was not tested against the rest), and the candidates it is
-    confused with.
-    """
+    """Return the named causes as a table, one row per parameter, intervals of 95 %."""
     rows = []
     for place, cause in enumerate(diagnosis.causes_, start=1):
         about = {"cause": place, "effect": cause.effect, "target": cause.target}

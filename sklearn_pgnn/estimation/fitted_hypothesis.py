@@ -46,11 +46,7 @@ class FittedHypothesis:
 
 @dataclass(frozen=True)
 class SubsampleFit(FittedHypothesis):
-    """A hypothesis fitted on some of the samples, see `subsample_windows`.
-
-    `origin` is the fit on all windows of the same hypothesis, and `stays_above` a limit below which
-    no further fit of it fell.
-    """
+    """A hypothesis fitted on some samples, its fit on all, and what no fit fell below."""
 
     start: Start
     converged: bool = False

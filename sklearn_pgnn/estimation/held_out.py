@@ -33,11 +33,7 @@ def make_folds(problem: EstimationProblem) -> np.ndarray:
 
 @dataclass
 class CrossValidation:
-    """The held-out residuals of a hypothesis, fold by fold.
-
-    `expected` initial states have shape (n_windows, n_states), their standard deviations `spread`
-    (n_states,).
-    """
+    """The held-out residuals of a hypothesis, fold by fold, from expected initial states."""
 
     problem: EstimationProblem
     expected: np.ndarray

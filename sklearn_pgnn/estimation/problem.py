@@ -135,11 +135,7 @@ def shorter(problem: EstimationProblem, least: float = SHORTEST) -> EstimationPr
 
 
 def with_few_samples(problem: EstimationProblem) -> EstimationProblem:
-    """Return the problem whose windows may be as short as their initial states allow.
-
-    Of the values measured in a window, as many must be left to judge by as initial states are
-    fitted.
-    """
+    """Return the problem with windows of as many values to judge by as initial states."""
     return replace(problem, min_samples=max(2 * free_values(problem.prior), LEAST_SAMPLES))
 
 

@@ -16,11 +16,7 @@ BREAKDOWNS = (np.linalg.LinAlgError, FloatingPointError, SimulationError)
 
 
 class Unusable(NamedTuple):
-    """Something that could not be fitted.
-
-    It is a candidate, or a part of the diagnosis; the reason is the error, and the other causes in
-    the model.
-    """
+    """A candidate, or a part of the diagnosis, that could not be fitted, and the reason."""
 
     effect: str
     target: str

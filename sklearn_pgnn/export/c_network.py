@@ -79,11 +79,7 @@ def refuse_other_interval(network, interval) -> None:
 
 
 def exportable_step(network, what: str) -> NetworkStep:
-    """Return the elements of a trained network's step, including its core.
-
-    The network must be trained on trajectories, and neither be dissipative nor have a user-defined
-    core; `what` is the task that needs the step, for the error message.
-    """
+    """Return the elements of a trained network's step, or refuse one that a task cannot do with."""
     if getattr(network, "model_", None) is None or not hasattr(network, "step_"):
         raise ModelError(
             f"{what}: expected a network that is trained on trajectories, got one without. "

@@ -28,12 +28,7 @@ from sklearn_pgnn.trajectories.measured import of_measured, where_measured
 
 @dataclass(frozen=True)
 class FoldResult:
-    """A depth fitted without the hidden samples of a fold, and its errors on them.
-
-    The errors are root mean squares in free run of every trajectory with hidden samples, in
-    standard deviations of the outputs; `left` are their magnitudes sample by sample, of shape
-    (n_hidden, n_outputs), NaN where nothing was measured.
-    """
+    """A fit without hidden samples, its RMS errors there by trajectory, and all sizes."""
 
     fitted: FittedDepth
     errors: list[float]
@@ -117,11 +112,7 @@ def is_unseen(table: PlainTable, hidden: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class JudgedDepths:
-    """The results of every depth that could be fitted.
-
-    Results are fold by fold, and from the shallowest depth to the deepest. `base` is the best
-    physical depth, on which networks were trained; `skipped` are depths for which the time was up.
-    """
+    """Results by depth and fold, the best physical depth, and depths for which the time was up."""
 
     results: dict[str, list[FoldResult]]
     base: str

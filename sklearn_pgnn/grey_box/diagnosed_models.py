@@ -23,11 +23,7 @@ Show = Callable[..., None]
 
 
 def prepare_diagnosis(diagnosis, model: PhysicsModel, time: TimeLimit, *, judges_new_records: bool):
-    """Return the diagnosis to be made of the prior.
-
-    It is a copy, not fitted. `judges_new_records` is whether folds hide whole trajectories; if not,
-    the default settings leave out functions of the time.
-    """
+    """Return an unfitted diagnosis, without functions of time that no fold can judge."""
     own: dict[str, Any] = {"model": model, "time_column": None, "n_jobs": None}
     if diagnosis is None and not judges_new_records:
         own["catalogue"] = time_invariant_causes(model)

@@ -45,11 +45,7 @@ def find_initial_state(
 
 @dataclass(frozen=True)
 class _Beginning:
-    """Residuals at a trajectory's start by its unknown states, scaled deviations from their mean.
-
-    `centre` and `spread`, of shape (n_states,), are the mean and standard deviation of the states
-    reached in training; for the other arguments see `find_initial_state`.
-    """
+    """Residuals at a start by its unknown states, as deviations from their mean in training."""
 
     run: Callable[[np.ndarray], np.ndarray]
     told: np.ndarray

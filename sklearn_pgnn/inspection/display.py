@@ -27,11 +27,7 @@ CLOUD, BINS = 4000, 45
 
 @dataclass(frozen=True)
 class Comparison:
-    """A record and its simulations by the models.
-
-    `outputs` are units by name. `measured`, and what each model simulates, the best last, have
-    shape (n_samples, n_outputs); times are in seconds.
-    """
+    """A record and its simulations by the models, the best last; times [s], units by output."""
 
     title: str
     t: np.ndarray

@@ -33,11 +33,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence for a cause.
-
-    `points` are abscissa and ordinate of the records' points, `lines` curves of the models; the
-    note is one sentence: what to look at.
-    """
+    """The evidence for a cause: the records' points, the models' curves, and what to look at."""
 
     title: str
     x_label: str

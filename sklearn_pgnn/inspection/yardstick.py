@@ -17,11 +17,7 @@ MODELS = {
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of the three models, in units of the noise.
-
-    They are infinite where the model diverges; that of the model with the causes and the formula is
-    not a number where there is no formula.
-    """
+    """Errors of the models in units of the noise: infinite if it diverges, NaN if there is none."""
 
     prior: float
     refitted: float

@@ -153,11 +153,7 @@ _DATA = (bool, int, float, complex, str, bytes, tuple, list, dict, np.ndarray)
 
 
 class External(sympy.Function):
-    """A call of one result of an external function, or of its slope, in an equation.
-
-    `external` makes a subclass for every result. The arguments are those of the function at
-    `places`; the others are `UNUSED`.
-    """
+    """A call of one result of an external function, or of its slope, at its `places`."""
 
     function: ClassVar[ExternalFunction]
     result: ClassVar[int]

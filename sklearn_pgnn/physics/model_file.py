@@ -43,11 +43,7 @@ _NULL = "tag:yaml.org,2002:null"
 
 
 def read_model(path: FilePath) -> PhysicsModel:
-    """Read a model file.
-
-    An error says ``FILE:LINE:COLUMN: what``; warnings tell of a parameter that no equation uses,
-    and of units that are inconsistent or unknown.
-    """
+    """Read a model file; an error says ``FILE:LINE:COLUMN: what``."""
     return _Reader(os.fspath(path)).model()
 
 

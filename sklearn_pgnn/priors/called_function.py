@@ -96,11 +96,7 @@ def by_name(found, names: Sequence[str] | None) -> dict:
 
 @dataclass(frozen=True)
 class Called:
-    """The equations that call a function.
-
-    Equations are by result; a rate that is another state, and a constant, are written as such.
-    `seconds` is the duration of a call in Python.
-    """
+    """The equations, by result, that call a function, and how long a call takes [s]."""
 
     equations: dict[str, sympy.Expr]
     seconds: float
@@ -110,11 +106,7 @@ class Called:
 def called_function(
     function: Callable, what: str, named: PhysicsModel, names: Sequence[str] | None
 ) -> Called:
-    """Return equations that call a function.
-
-    The arguments that each result depends on are determined at many fixed random points: an
-    equation calls the function with these only, and the others are NaN in the call.
-    """
+    """Return equations that call a function with what each result depends on at random points."""
     parts = (tuple(named.states), tuple(named.inputs), tuple(named.parameters))
     call = NumericFunction(function, parts, None if names is None else tuple(names))
     points = _points(named)
@@ -128,13 +120,7 @@ def called_function(
 def calling(
     call: Callable, what: str, named: PhysicsModel, results: Sequence[str], points, name: str
 ) -> Called:
-    """Return equations that call a function of numbers.
-
-    `call` takes a tuple of numbers, time, states, inputs and parameters, and returns the results in
-    order; NaN stands for an argument for which any value may be used. `what` describes the results
-    in error messages, and `name` is that in the equations. The dependence of each result on the
-    arguments is probed at the points.
-    """
+    """Return equations that call a function of a tuple: t, states, inputs, parameters."""
     before = time.perf_counter()
     known = [(point, found) for point in points if (found := _values(call, point)) is not None]
     seconds = (time.perf_counter() - before) / len(points)

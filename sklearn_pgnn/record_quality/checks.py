@@ -46,11 +46,7 @@ def check_data_quality(
     best: WindowFit | None = None,
     each_step: Callable[[], bool | None] = lambda: None,
 ) -> Iterator[Finding]:
-    """Yield the faults of the records that limit a diagnosis.
-
-    Every check of one quantity gives a false alarm in at most one of a thousand faultless sets of
-    records.
-    """
+    """Yield the faults of the records; a check is wrong in at most one of a thousand sets."""
     windows, model = problem.windows, problem.prior
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)

@@ -53,11 +53,7 @@ NEAR = 5.0
 
 @dataclass(frozen=True)
 class Rewired:
-    """A wiring that makes the model follow the records, and those that do it as well.
-
-    The best wiring comes first; `output` is told best by it, with an error, as given and as
-    rewired, in units of the noise.
-    """
+    """The best wiring, its equals, and the output that tells it best, with errors per noise."""
 
     wirings: tuple[Wiring, ...]
     output: str

@@ -77,11 +77,7 @@ def _is_private(status: os.stat_result) -> bool:
 
 
 def numba_caches() -> bool:
-    """Return whether numba has a folder for its files, which it is given where it finds none.
-
-    Beside the code and in the user's home numba finds its own; asked to keep files where there is
-    no folder, it refuses to compile.
-    """
+    """Return whether numba has a folder for its files, which it is given where it finds none."""
     if not (numba.config.CACHE_DIR or os.access(HERE, os.W_OK) or _of_user()):
         own = folder()
         if own is None:

@@ -52,11 +52,7 @@ class Source:
 
 @dataclass(frozen=True)
 class TakenState:
-    """A state as it is taken from the outputs that show it.
-
-    `sources` is from which output it is taken in every record, and `bounds` the first samples of
-    the records, and the number of all.
-    """
+    """A state as taken from the outputs that show it, the best of each record."""
 
     sources: tuple[Source, ...]
     bounds: np.ndarray

@@ -33,10 +33,7 @@ _MULTIPLIED = 16
 
 
 class Assignments:
-    """A model's source, parsed: what its entries are, and what they need.
-
-    There is one a line, to a name or to ``out[i]``; they read ``t``, names that stand before, and
-    elements of arrays.
+    """A model's source, one assignment a line, parsed: what its entries are, and what they need.
 
     >>> lines = Assignments("c = x[0]*t" + chr(10) + "out[0] = 2*c" + chr(10) + "out[1] = 0")
     >>> lines.is_zero(0), lines.is_zero(1), [name for name, _ in lines.needed([0])]

@@ -77,11 +77,7 @@ LONGEST = 64
 
 
 class BagLog(ChannelLog):
-    """A bag; a channel is called ``/topic/field``, an element of an array ``/topic/field/0``.
-
-    Its clock is the time stamp in the messages' headers if there is one, else the time at which
-    they were received.
-    """
+    """A bag of ``/topic/field/0``, by the stamps in headers, else the time of receiving."""
 
     def __init__(self, path: str):
         with needed_by("Reading a ROS bag"):

@@ -92,11 +92,7 @@ def _shown_states(model: PhysicsModel) -> list[tuple[int, int, tuple[str, str]]]
 def _elsewhere(
     records: Sequence[Record], i: int, asked: Sequence[Record], starts: Sequence[float]
 ) -> tuple[tuple[Record, float, float] | None, tuple[int, int]]:
-    """Return the first record asked whose output begins elsewhere than it should, if most do.
-
-    Return it with where it begins and where it should, or None; and the number of such records, and
-    of those asked whose first sample was measured.
-    """
+    """Return the first record whose output begins elsewhere, if most do, and counts."""
     pairs = zip(asked, (np.asarray(r.y)[:, i] for r in asked), starts, strict=True)
     begun = [((r, float(y[0]), start), y) for r, y, start in pairs if np.isfinite(y[0])]
     if not begun:

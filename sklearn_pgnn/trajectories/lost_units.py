@@ -37,12 +37,7 @@ REMEDY = (
 def refuse_standardised(
     model: PhysicsModel, records: Sequence[Record], *, energies: bool = False
 ) -> None:
-    """Refuse records that a scaler has stripped of their units.
-
-    These are standardised times, or times and inputs that nearly are, as in a part of such a table.
-    Where `energies` are computed from the records, one input or output that is exactly standardised
-    over all of them, and not set by hand, suffices.
-    """
+    """Refuse standardised times, with inputs also parts of such, and for energies any column."""
     t = np.concatenate([record.origin + record.t for record in records])
     if t.size < FEWEST:
         return

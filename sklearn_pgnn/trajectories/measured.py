@@ -51,10 +51,7 @@ SEVERAL = 8
 
 
 def constant_outputs(records: Sequence[Record]) -> np.ndarray:
-    """Return which outputs have no two different values in a record; they tell nothing of noise.
-
-    The result has shape (n_records, n_outputs), and is also true for outputs that were not
-    measured.
+    """Return, (n_records, n_outputs), which outputs have no two different values, if any.
 
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})

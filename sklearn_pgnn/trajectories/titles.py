@@ -13,10 +13,7 @@ LONGEST = 200
 
 
 def split_title(title: str) -> tuple[str, str]:
-    """Return the name and the unit of a column, empty if there is none.
-
-    Text in round brackets may be a remark; a known unit stands behind a slash, a comma, a colon or
-    ``in``.
+    """Return the name and the unit of a column, in brackets or behind a slash, a comma, ``in``.
 
     >>> split_title("torque [N m]"), split_title("speed / m/s"), split_title("Weg in mm")
     (('torque', 'N m'), ('speed', 'm/s'), ('Weg', 'mm'))

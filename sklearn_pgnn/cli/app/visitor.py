@@ -21,11 +21,7 @@ from sklearn_pgnn.stages import BEST, in_words
 
 @dataclass(frozen=True)
 class RecordFile:
-    """A file of records.
-
-    `number` is its number in the visitor's folder, and the size is in bytes. The label, the
-    visitor's name of the file, is for display only, never part of a path.
-    """
+    """A file of records: its number in the folder, its size [bytes], and the label to show."""
 
     number: int
     label: str

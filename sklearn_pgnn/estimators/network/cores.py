@@ -148,11 +148,7 @@ class Recurrent(nn.Module):
 
 
 class RowNetwork(nn.Module):
-    """A core between two scalings.
-
-    The core maps standardised features to standardised targets; X and y are those of the training
-    data.
-    """
+    """A core between the scalings of features and of targets."""
 
     def __init__(self, core: nn.Module, X: np.ndarray, y: np.ndarray):
         super().__init__()

@@ -102,11 +102,7 @@ PER_PERIOD = 100
 
 @dataclass
 class Runs:
-    """Trajectories of a table, prepared for the loop, and their free runs.
-
-    `ready` are the trajectories as the loop needs them, with samples in between where steps are
-    long; `kept` is where the trajectories' own samples are among these.
-    """
+    """Trajectories as the loop needs them, where their own samples are, and free runs."""
 
     records: tuple
     ready: list
