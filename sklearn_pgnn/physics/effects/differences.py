@@ -100,15 +100,6 @@ class ParameterDifference(Difference):
 
     The column :math:`g` is one in these records and zero in all others.
 
-    Parameters
-    ----------
-    target : str
-        Parameter and column, as ``"UA(in_run_2)"``.
-    difference : float, default=0
-        Difference :math:`\Delta` [parameter].
-
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import PhysicsModel
     >>> box = PhysicsModel({"T": "K"}, {"T": "-U*T"}, {"U": 2.0}, {"in_run_2": ""})
     >>> print((box + ParameterDifference("U(in_run_2)", difference=0.5)).to_text())
@@ -160,15 +151,6 @@ class ParameterDifference(Difference):
 class SensorBiasDifference(Difference):
     r"""A sensor with an offset in some records, :math:`y + b\, g`.
 
-    Parameters
-    ----------
-    target : str
-        Output and column, as ``"T(in_run_2)"``.
-    bias : float, default=0
-        Offset :math:`b` in these records [output].
-
-    Examples
-    --------
     >>> SensorBiasDifference.title("T(in_run_2)")
     'another zero of T in run_2'
     """
@@ -194,15 +176,6 @@ class SensorBiasDifference(Difference):
 class SensorGainDifference(Difference):
     r"""A sensor with another gain in some records, :math:`y\,(1 + e\, g)`.
 
-    Parameters
-    ----------
-    target : str
-        Output and column, as ``"T(in_run_2)"``.
-    error : float, default=0
-        Relative difference :math:`e` of the gain [-].
-
-    Examples
-    --------
     >>> SensorGainDifference.title("T(in_run_2)")
     'another gain of T in run_2'
     """
@@ -228,15 +201,6 @@ class SensorGainDifference(Difference):
 class InputGainDifference(Difference):
     r"""An input that acts with another gain in some records, :math:`u\,(1 + e\, g)`.
 
-    Parameters
-    ----------
-    target : str
-        Input and column, as ``"u(in_run_2)"``.
-    error : float, default=0
-        Relative difference :math:`e` of the gain [-].
-
-    Examples
-    --------
     >>> InputGainDifference.title("u(in_run_2)")
     'another gain of u in run_2'
     """
