@@ -57,12 +57,7 @@ def other_processes(n_jobs: int | None) -> int:
 
 
 def in_turn(calls: list, n_jobs: int | None, **options: Any) -> Iterable[Any]:
-    """Return the results of `joblib.delayed` calls in order, each as soon as joblib returns it.
-
-    >>> from joblib import delayed
-    >>> list(in_turn([delayed(abs)(-1), delayed(abs)(2)], None))
-    [1, 2]
-    """
+    """Return the results of `joblib.delayed` calls in order, each as soon as joblib returns it."""
     try:
         parallel = Parallel(n_jobs, return_as="generator", **options)
     except ValueError:  # the backend returns all results at once

@@ -45,13 +45,6 @@ def parameters_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
 
     By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
     excludes the prior value.
-
-    >>> from types import SimpleNamespace
-    >>> from sklearn_pgnn.diagnosis.result import RetunedParameter
-    >>> mass = RetunedParameter(2.0, 2.1, 2.05, 2.15, "kg", True)
-    >>> table = parameters_frame(SimpleNamespace(parameters_={"m": mass}))
-    >>> print(*table.loc["m", ["prior", "value", "unit"]])
-    2.0 2.1 kg
     """
     rows = {
         name: {
@@ -76,13 +69,6 @@ def gain_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
     extended, and with the formula where there is one, the noise, the share of the error power that
     is explained with its 95 % interval, the errors of the same models in free run over whole
     records, and the unit of the errors.
-
-    >>> from types import SimpleNamespace
-    >>> from sklearn_pgnn.diagnosis import FreeRunError, Gain
-    >>> found = SimpleNamespace(gain_={"v": Gain(3.0, 2.0, 1.0, 1.0, 0.99, 0.98, 1.0, "m/s")},
-    ...                         free_run_={"v": FreeRunError(6.0, 5.0, 1.0)})
-    >>> print(*gain_frame(found).loc["v", ["prior", "extended", "free_run_prior", "unit"]])
-    3.0 1.0 6.0 m/s
     """
     rows = {}
     for output, gain in diagnosis.gain_.items():

@@ -73,13 +73,7 @@ def counted_on(t: np.ndarray, second: float, dated: bool = False) -> tuple[np.nd
 
 
 def rows_at_one_time(t: np.ndarray, same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows that repeat the one before, and those replaced by the next, at one time.
-
-    >>> t = np.array([0.0, 1.0, 1.0, 2.0, 3.0, 3.0, 4.0, 5.0, 6.0, 7.0])
-    >>> same = np.arange(9) == 1
-    >>> rows_at_one_time(t, same)
-    (array([2]), array([4]))
-    """
+    """Return the rows that repeat the one before, and those replaced by the next, at one time."""
     still = np.diff(t) == 0
     repeats = np.flatnonzero(still & same) + 1
     kept = np.delete(np.arange(t.size), repeats)

@@ -54,11 +54,6 @@ def warn_of_missing_starts(
 
     `is_told`, of shape (n_states,), is whether all trajectories of the fit had the initial value of
     a state.
-
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
-    >>> warn_of_missing_starts(lag, np.array([False]), read_records(lag, X))  # as in the fit
     """
     expected = [i for i in np.flatnonzero(is_told) if list(model.states)[i] not in model.settled]
     lacking = [record for record in records if np.isnan(record.x0[expected]).any()]

@@ -56,13 +56,7 @@ def refuse_standardised(
 
 
 def warn_of_standardised_outputs(model: PhysicsModel, records: Sequence[Record]) -> None:
-    """Warn of outputs that a scaler has stripped of their units, to which a model is fitted.
-
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(20.0), np.ones(20)])
-    >>> warn_of_standardised_outputs(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # volts
-    """
+    """Warn of outputs that a scaler has stripped of their units, to which a model is fitted."""
     y = np.concatenate([record.y for record in records])
     lost = [
         name

@@ -51,28 +51,12 @@ SEVERAL = 8
 
 
 def constant_outputs(records: Sequence[Record]) -> np.ndarray:
-    """Return, (n_records, n_outputs), which outputs have no two different values, if any.
-
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.tile(np.arange(4.0), 2), np.ones(8)])
-    >>> records = read_records(lag, X, [0.0, 0.4, 0.6, 0.8, 0.1, 0.1, np.nan, 0.1])
-    >>> constant_outputs(records).tolist()
-    [[False], [True]]
-    """
+    """Return, (n_records, n_outputs), which outputs have no two different values, if any."""
     return ~(np.array([spans_of(np.asarray(record.y)) for record in records]) > 0)
 
 
 def remarks_on_dead_outputs(model: PhysicsModel, records: Sequence[Record]) -> list[str]:
-    """Return remarks on outputs that change in some records only though inputs do in all.
-
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.tile(np.arange(9.0), 2), np.arange(18.0)])
-    >>> records = read_records(lag, X, [*np.linspace(0.0, 0.8, 9), *[0.1] * 9])
-    >>> remarks_on_dead_outputs(lag, records)[0].split(":")[0]
-    "output 'y' has one value only throughout trajectory '1' (0.1 V)"
-    """
+    """Return remarks on outputs that change in some records only though inputs do in all."""
     still = constant_outputs(records)
     if not still.any():
         return []
@@ -103,11 +87,6 @@ def warn_of_constant_outputs(
     """Warn of outputs that never change: in some records, or in all, where no noise is known.
 
     `noise_is_told` is whether the noise of the outputs need not be estimated.
-
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
-    >>> warn_of_constant_outputs(lag, read_records(lag, X, np.arange(9.0)))  # none is constant
     """
     for remark in remarks_on_dead_outputs(model, records):
         warn_user(f"y: {remark}", RecordWarning)

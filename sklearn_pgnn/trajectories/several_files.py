@@ -55,11 +55,7 @@ def _named(Xs: list[pd.DataFrame], stems: list[str]) -> list[pd.DataFrame]:
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """Return the names made unique; repeated ones get a number.
-
-    >>> unique(["run", "run", "run-2"])
-    ['run', 'run-2', 'run-2-2']
-    """
+    """Return the names made unique; repeated ones get a number."""
     found: list[str] = []
     for name in names:
         new, count = name, 1

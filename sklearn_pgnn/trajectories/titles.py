@@ -13,13 +13,7 @@ LONGEST = 200
 
 
 def split_title(title: str) -> tuple[str, str]:
-    """Return the name and the unit of a column, in brackets or behind a slash, a comma, ``in``.
-
-    >>> split_title("torque [N m]"), split_title("speed / m/s"), split_title("Weg in mm")
-    (('torque', 'N m'), ('speed', 'm/s'), ('Weg', 'mm'))
-    >>> split_title("valve in use"), split_title("/joints/position")
-    (('valve in use', ''), ('/joints/position', ''))
-    """
+    """Return the name and the unit of a column, in brackets or behind a slash, a comma, ``in``."""
     bracketed = _bracketed(title)
     if bracketed is not None:
         return bracketed

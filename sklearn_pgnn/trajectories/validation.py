@@ -40,13 +40,7 @@ def _short(value: object) -> str:
 
 
 def require_target(estimator: BaseEstimator, X: Table, y: Table) -> None:
-    """Raise `ValueError` if `fit` got no y, in scikit-learn's words, or the rows in another order.
-
-    >>> require_target(BaseEstimator(), [[0.0]], None)
-    Traceback (most recent call last):
-        ...
-    ValueError: BaseEstimator requires y to be passed, but the target y is None.
-    """
+    """Raise `ValueError` if `fit` got no y, in scikit-learn's words, or rows in another order."""
     if y is None:
         raise ValueError(
             f"{type(estimator).__name__} requires y to be passed, but the target y is None."
@@ -55,14 +49,7 @@ def require_target(estimator: BaseEstimator, X: Table, y: Table) -> None:
 
 
 def refuse_fit_params(estimator: BaseEstimator, fit_params: dict) -> None:
-    """Raise `OptionError` for weights of samples, `TypeError` for what `fit` knows not.
-
-    >>> refuse_fit_params(BaseEstimator(), {"sample_weight": [1.0, 2.0]})
-    Traceback (most recent call last):
-        ...
-    sklearn_pgnn.exceptions.OptionError: sample_weight: expected none, for BaseEstimator weighs \
-all measured samples alike. Remedy: leave it out; a sample whose y is NaN does not count.
-    """
+    """Raise `OptionError` for weights of samples, `TypeError` for what `fit` knows not."""
     given = [name for name, value in fit_params.items() if value is not None]
     if "sample_weight" in given:
         raise OptionError(
@@ -86,12 +73,6 @@ def validate_table(estimator: BaseEstimator, X: Table, *, reset: bool) -> Table:
     which knows where it is allowed. A DataFrame of another library is returned as a pandas one. If
     `fit` saw names and X has none, of which scikit-learn warns, its columns are taken to be those
     of `fit` in order.
-
-    >>> estimator = BaseEstimator()
-    >>> validate_table(estimator, [[0.0, 1.0], [0.1, 1.0]], reset=True).shape
-    (2, 2)
-    >>> estimator.n_features_in_
-    2
     """
     X = as_table(X, getattr(estimator, "time_column", None))
     if isinstance(X, pd.DataFrame):

@@ -28,13 +28,7 @@ LEFT = 0.001
 
 
 def where_of(column: str) -> str:
-    """Return the records of a group's column, and since when, as in a sentence.
-
-    >>> where_of("in_run_2__run_4__run_6"), where_of("in_run_2__since_12p5")
-    ('in run_2, run_4 and run_6', 'in run_2 since 12.5 s')
-    >>> where_of("in_all__since_60")
-    'since 60 s'
-    """
+    """Return the records of a group's column, and since when, as in a sentence."""
     records, _, onset = column.removeprefix(IN).partition(SINCE)
     *first, last = records.split(AND)
     where = f"in {', '.join(first)} and {last}" if first else f"in {last}"
@@ -99,11 +93,6 @@ class ParameterDifference(Difference):
     r"""A parameter with another value in some records, :math:`p + \Delta\, g`.
 
     The column :math:`g` is one in these records and zero in all others.
-
-    >>> from sklearn_pgnn.physics import PhysicsModel
-    >>> box = PhysicsModel({"T": "K"}, {"T": "-U*T"}, {"U": 2.0}, {"in_run_2": ""})
-    >>> print((box + ParameterDifference("U(in_run_2)", difference=0.5)).to_text())
-    T' = -T*(U + diff_U_in_run_2*in_run_2)
     """
 
     difference: float = quantity("diff", "{target}")
@@ -149,11 +138,7 @@ class ParameterDifference(Difference):
 
 @dataclass(frozen=True)
 class SensorBiasDifference(Difference):
-    r"""A sensor with an offset in some records, :math:`y + b\, g`.
-
-    >>> SensorBiasDifference.title("T(in_run_2)")
-    'another zero of T in run_2'
-    """
+    r"""A sensor with an offset in some records, :math:`y + b\, g`."""
 
     bias: float = quantity("diffb", "{target}")
     id = "sensor_bias_difference"
@@ -174,11 +159,7 @@ class SensorBiasDifference(Difference):
 
 @dataclass(frozen=True)
 class SensorGainDifference(Difference):
-    r"""A sensor with another gain in some records, :math:`y\,(1 + e\, g)`.
-
-    >>> SensorGainDifference.title("T(in_run_2)")
-    'another gain of T in run_2'
-    """
+    r"""A sensor with another gain in some records, :math:`y\,(1 + e\, g)`."""
 
     error: float = quantity("diffg", "", low=-1.0)
     id = "sensor_gain_difference"
@@ -199,11 +180,7 @@ class SensorGainDifference(Difference):
 
 @dataclass(frozen=True)
 class InputGainDifference(Difference):
-    r"""An input that acts with another gain in some records, :math:`u\,(1 + e\, g)`.
-
-    >>> InputGainDifference.title("u(in_run_2)")
-    'another gain of u in run_2'
-    """
+    r"""An input that acts with another gain in some records, :math:`u\,(1 + e\, g)`."""
 
     error: float = quantity("diffi", "", low=-1.0)
     id = "input_gain_difference"

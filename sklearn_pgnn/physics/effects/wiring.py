@@ -158,12 +158,7 @@ class _Reversed(_OfChannels):
 
 @dataclass(frozen=True)
 class ReversedInput(_Inputs, _Reversed):
-    r"""An input that acts with the other sign, :math:`-u`.
-
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> print((lag + ReversedInput("u")).to_text())
-    y' = (-u - y)/T
-    """
+    r"""An input that acts with the other sign, :math:`-u`."""
 
     id = "reversed_input"
     summary = "The command acts in the other direction than the model says."
@@ -171,12 +166,7 @@ class ReversedInput(_Inputs, _Reversed):
 
 @dataclass(frozen=True)
 class ReversedOutput(_Outputs, _Reversed):
-    r"""A sensor that reads the other sign, :math:`-y`.
-
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> (lag + ReversedOutput("y")).outputs["y"]
-    -y
-    """
+    r"""A sensor that reads the other sign, :math:`-y`."""
 
     id = "reversed_output"
     summary = "The sensor counts in the other direction than the model says."
@@ -184,16 +174,7 @@ class ReversedOutput(_Outputs, _Reversed):
 
 @dataclass(frozen=True)
 class ReversedTerm(Wiring):
-    """A term of an equation, as ``"k*x/m in v"``, that has the other sign.
-
-    >>> rates = {"x": "v", "v": "(k*x - v)/m"}
-    >>> spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {"k": 9.0, "m": 1.0})
-    >>> ReversedTerm.targets(spring)
-    ('-v/m in v', 'k*x/m in v')
-    >>> print((spring + ReversedTerm("k*x/m in v")).to_text())
-    x' = v
-    v' = -k*x/m - v/m
-    """
+    """A term of an equation, as ``"k*x/m in v"``, that has the other sign."""
 
     id = "reversed_term"
     phrase = "reversed sign of {target}'"
@@ -270,12 +251,7 @@ class _Exchanged(_OfChannels):
 
 @dataclass(frozen=True)
 class ExchangedInputs(_Inputs, _Exchanged):
-    r"""Two inputs of one unit whose columns are exchanged.
-
-    >>> pair = PhysicsModel({"y": "m"}, {"y": "2*a - b - y"}, inputs={"a": "V", "b": "V"})
-    >>> print((pair + ExchangedInputs("a and b")).to_text())
-    y' = -a + 2*b - y
-    """
+    r"""Two inputs of one unit whose columns are exchanged."""
 
     id = "exchanged_inputs"
     phrase = "exchange of inputs {target}"
@@ -284,12 +260,7 @@ class ExchangedInputs(_Inputs, _Exchanged):
 
 @dataclass(frozen=True)
 class ExchangedOutputs(_Outputs, _Exchanged):
-    r"""Two outputs of one unit whose columns are exchanged.
-
-    >>> pair = PhysicsModel({"a": "m", "b": "m"}, {"a": "-a", "b": "a - b"})
-    >>> dict((pair + ExchangedOutputs("a and b")).outputs)
-    {'a': b, 'b': a}
-    """
+    r"""Two outputs of one unit whose columns are exchanged."""
 
     id = "exchanged_outputs"
     phrase = "exchange of outputs {target}"
@@ -393,12 +364,7 @@ def _number(value: float) -> sympy.Expr:
 
 @dataclass(frozen=True)
 class InputFactor(_Inputs, Factor):
-    r"""An input whose column holds :math:`c\,u`.
-
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> print((lag + InputFactor("1000 on u")).to_text())
-    y' = (u/1000 - y)/T
-    """
+    r"""An input whose column holds :math:`c\,u`."""
 
     id = "input_factor"
     power = -1
@@ -407,14 +373,7 @@ class InputFactor(_Inputs, Factor):
 
 @dataclass(frozen=True)
 class OutputFactor(_Outputs, Factor):
-    r"""An output whose column holds :math:`c\,y`.
-
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> (lag + OutputFactor("1024 on y")).outputs["y"]
-    1024*y
-    >>> OutputFactor("162.974661726 on y").lines(lag)
-    'outputs: {y: "512*y/pi"}'
-    """
+    r"""An output whose column holds :math:`c\,y`."""
 
     id = "output_factor"
     power = 1
@@ -423,14 +382,7 @@ class OutputFactor(_Outputs, Factor):
 
 @dataclass(frozen=True)
 class OtherClock(Wiring):
-    r"""A time in another unit than seconds: :math:`dx/d\tau = c\,f(c\,\tau, x, u)`.
-
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> print((lag + OtherClock("ms")).to_text())
-    y' = (u - y)/(1000*T)
-    >>> OtherClock("ms").lines(lag)
-    'columns: {t: "t [ms]"}'
-    """
+    r"""A time in another unit than seconds: :math:`dx/d\tau = c\,f(c\,\tau, x, u)`."""
 
     id = "other_clock"
     phrase = "time in {target}"
