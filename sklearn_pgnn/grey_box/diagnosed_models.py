@@ -32,12 +32,6 @@ def prepare_diagnosis(diagnosis, model: PhysicsModel, time: TimeLimit, *, judges
     return prepared.set_params(**own, time_limit=time.of_diagnosis(prepared.time_limit))
 
 
-def threads_of(diagnosis: ModelDiagnosis | None, n_jobs: int | None) -> int | None:
-    """Return the ``n_jobs`` of a recipe, or that of a given diagnosis if it has its own."""
-    own = None if diagnosis is None else diagnosis.n_jobs
-    return n_jobs if own is None else own
-
-
 def diagnose(
     diagnosis: ModelDiagnosis,
     table: PlainTable,
