@@ -62,11 +62,7 @@ ROUNDS, NEAR = 8, 0.3
 
 @dataclass(frozen=True)
 class Rig:
-    """The commanded inputs of a set of records of equal length.
-
-    Excitations `waves`, of shape (n_records, n_samples, n_inputs), have a largest magnitude of 1;
-    `offset` are the inputs about which the rig is driven.
-    """
+    """The commanded inputs of a set of records: waves of size 1, about an offset."""
 
     t: np.ndarray
     waves: np.ndarray
@@ -90,9 +86,7 @@ class Rig:
 
 
 def resting_input(model):
-    """Return the inputs that hold a machine in its initial state.
-
-    This is the least-squares solution of :math:`f(0, x_0, u) = 0` for rates affine in the inputs.
+    """Return the inputs nearest to holding a machine at rest, :math:`f(0, x_0, u) = 0`.
 
     >>> from sklearn_pgnn.physics import systems
     >>> resting_input(systems.two_tanks()).round(6)
@@ -151,11 +145,7 @@ def find_amplitudes(rig: Rig, model, goals):
 
 
 def run_bounded(rig: Rig, plant, model, amplitudes):
-    """Drive a machine, adjusting the amplitude of records that move too far or hardly at all.
-
-    The model defines the known states. Return the final amplitudes [input], and states and outputs
-    without noise, both of shape (n_records, n_samples, n).
-    """
+    """Drive a machine with amplitudes [input] adjusted where it moves too far or hardly."""
     x, y = rig.run(plant, amplitudes, states=model.states)
     least, amplitudes = KEPT * amplitudes, amplitudes.copy()
     for _ in range(ROUNDS):

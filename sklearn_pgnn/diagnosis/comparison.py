@@ -186,10 +186,7 @@ class Comparison:
         return self.fitter.runs_away(trial) and self.is_coloured(trial)
 
     def leaves_what_may_depend(self, trial: FittedHypothesis) -> bool:
-        """Return whether more than white noise is left, and not a divergence of the model itself.
-
-        Only then can what is left depend on what was recorded.
-        """
+        """Return whether more than white noise is left, and no divergence of the model itself."""
         return self.is_nameable(trial) and not self.runs_away(trial)
 
     def leaves_much(self, trial: FittedHypothesis) -> bool:

@@ -39,10 +39,7 @@ def progress_display(estimator) -> Iterator[Callable[..., None]]:
 
 
 def with_progress(method):
-    """Decorate a method: while it runs, ``self._show`` reports stages to a display and a callback.
-
-    The callback is the parameter ``progress``, where the estimator has one.
-    """
+    """Decorate a method: ``self._show`` reports its stages to a display and ``progress``."""
 
     @wraps(method)
     def shown(self, *args, **kwargs):

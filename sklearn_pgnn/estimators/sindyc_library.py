@@ -109,11 +109,7 @@ def _terms_of_pysindy(library, names) -> list[sympy.Expr]:
 
 
 def term_function(terms, names: Sequence[str]):
-    """Return the function that evaluates terms at samples.
-
-    It takes the values of the quantities, of shape (n_samples, n_names), and the time [s] (0 by
-    default), and returns the terms' values, (n_samples, n_terms), not finite where undefined.
-    """
+    """Return the function of values (n_samples, n_names) and time [s] that evaluates terms."""
     quantities = ["t", *names]
     factors = [_factors(term, quantities) for term in terms]
     others = [term for term, of in zip(terms, factors, strict=True) if of is None]

@@ -157,10 +157,7 @@ def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
 
 
 def unit_of(step: NetworkStep, core) -> dict[str, np.ndarray]:
-    """Return the weights of a recurrent network by name.
-
-    They are ``by_input``, ``by_hidden``, ``bias_input``, ``bias_hidden``, ``read`` and ``bias``.
-    """
+    """Return the weights of a recurrent network by name, as the template has them."""
     n_in, n, n_out = step.sizes
     shapes = {
         "by_input": (3 * n, n_in),

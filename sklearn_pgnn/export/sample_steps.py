@@ -49,11 +49,7 @@ def explicit_substeps(model: PhysicsModel, substeps: int | None, interval: float
 
 @dataclass(frozen=True)
 class LateInput:
-    """An input that acts with a delay.
-
-    `place` is its index among the inputs. The delay has :math:`n` whole `samples`, and a remainder
-    :math:`w`, its `share` of the sample interval.
-    """
+    """An input by its place, late by so many whole samples and a share of one."""
 
     name: str
     place: int

@@ -55,11 +55,7 @@ class SymbolicMachine:
         return self._evaluate(self._outputs, t, x, u)
 
     def next_sample(self, t, interval: float, substeps: int, x, u, u_next) -> list:
-        """Return the states one sample later, by Runge-Kutta steps of order four.
-
-        The interval is in seconds; `u` and `u_next` are inputs as they act, at the beginning and at
-        the end of a linear interpolation.
-        """
+        """Return the states an interval [s] later, by Runge-Kutta steps of order four."""
         h = interval / substeps
         for k in range(substeps):
             start, end = (self._between(u, u_next, (k + i) / substeps) for i in (0, 1))

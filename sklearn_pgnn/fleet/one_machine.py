@@ -27,13 +27,7 @@ MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "e
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of one machine, as returned by a worker.
-
-    `found` is the result of `ModelDiagnosis.to_dict`; where there is none, `failed` says why. It
-    `is_final` if the same records would give the same outcome again, which they may not after a
-    bug. `seconds` are processor time; the extended model is a model file, and the page the report
-    as HTML.
-    """
+    """What a worker returns of a machine; it `is_final` if the same records would give it again."""
 
     name: str
     found: dict | None

@@ -161,11 +161,7 @@ def find_unknown_starts(
     window: int,
     noise: np.ndarray,
 ) -> np.ndarray:
-    """Return initial states, unknown ones estimated from a trajectory's first measured samples.
-
-    They are estimated with the predicting estimator itself: a network's training error says how
-    close its own run comes to the measurements, not that of the model in it.
-    """
+    """Return initial states, unknown ones estimated from first samples by what predicts."""
     if not window:
         return usual(fitted.model, known)
     found = []

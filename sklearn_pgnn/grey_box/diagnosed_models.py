@@ -39,11 +39,7 @@ def diagnose(
     n_jobs: int | None,
     show: Show | None = None,
 ) -> ModelDiagnosis:
-    """Diagnose the prior, see `prepare_diagnosis`; fitted in place unless its result is kept.
-
-    A result that lacks a stage which failed is used, but not kept. `show` is told of the stages,
-    unless the diagnosis has a callable of its own.
-    """
+    """Diagnose the prior, in place unless its result is kept, as none with a failed stage is."""
     X = table.starting(diagnosis.model, table.told)
     kept = memory.cache(_diagnosed, ignore=["n_jobs", "show"])
     try:

@@ -27,12 +27,7 @@ _RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
 
 
 def cases_of(expression: sympy.Expr, moving) -> list[tuple[sympy.Expr, sympy.Expr]]:
-    """Return what an expression is in each case, where it has cases of one kind.
-
-    `moving` are states, inputs and the time; all else are numbers. Return values and conditions,
-    the last condition being true where it is all other cases; nothing where the expression has no
-    cases, or of several kinds.
-    """
+    """Return values and conditions, the last one true, of an expression with cases of one kind."""
     return _by_sign(expression) or _by_dead_zone(expression) or _by_limits(expression, set(moving))
 
 
@@ -149,11 +144,7 @@ def mathml_of(expression, moving: Collection[sympy.Symbol] = ()) -> str:
 
 
 def equation_mathml(left, right, before=None, moving: Collection[sympy.Symbol] = ()) -> str:
-    """Return an equation as MathML.
-
-    `before` is what its right side was: what has been added is marked. The text is in pieces
-    between which a line may break, and empty where it is too large to read.
-    """
+    """Return an equation as MathML in pieces, what has been added marked; empty if too large."""
     if right.count_ops() > MAX_OPERATIONS:
         return ""
     printer = Printer(moving)

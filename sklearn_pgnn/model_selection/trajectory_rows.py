@@ -17,13 +17,7 @@ WAYS = ("trajectory", "time")
 
 
 def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> list[np.ndarray]:
-    """Find the rows of every trajectory in a table.
-
-    Its column ``trajectory`` is decisive; without it a trajectory begins wherever time does not
-    increase. `groups`, the trajectory of every row, overrides X. The time is by default in ``"t"``,
-    the first column where the columns have no names. The trajectories are in the order of their
-    first rows.
-    """
+    """Find the rows of every trajectory: by groups, a column, or where time does not increase."""
     X = as_table(X, time_column)
     names = _named(X, trajectory_column) if groups is None else np.asarray(groups)
     if names is not None:

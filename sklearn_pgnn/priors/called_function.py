@@ -34,11 +34,7 @@ COMPARED = 32
 
 @dataclass(frozen=True)
 class NumericFunction:
-    """A function of ``(t, x, u, p)`` as one of a tuple of numbers.
-
-    `parts` are names of states, inputs and parameters, and `names` those of its results, in order,
-    None if it returns them by name; `points` are some at which it computes finite numbers.
-    """
+    """A function of ``(t, x, u, p)`` as one of a tuple of numbers, finite at `points`."""
 
     function: Callable
     parts: tuple[tuple[str, ...], ...]

@@ -31,10 +31,7 @@ def warn_of_contradicted_states(model: PhysicsModel, records: Sequence[Record]) 
 
 
 def warn_of_unknown_starts(model: PhysicsModel, records: Sequence[Record]) -> None:
-    """Warn where X gives no initial state and most trajectories begin elsewhere than the model.
-
-    A prediction starts them as the model says: nothing else is known before the measurements.
-    """
+    """Warn where X gives no initial state and most trajectories begin elsewhere than the model."""
     for i, state, names in _shown_states(model):
         if names[1] in model.settled:
             continue  # starts at the first value of its input

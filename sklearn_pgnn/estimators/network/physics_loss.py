@@ -352,10 +352,7 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
 
 
 def with_dissipation(model: PhysicsModel, terms) -> PhysicsModel:
-    """Return a model whose energy is dissipated as a balance among the terms says.
-
-    It is the same machine, with the parameters of those balances.
-    """
+    """Return a model whose energy is dissipated as a balance among the terms says."""
     for term in terms:
         if isinstance(term, EnergyBalance):
             model = term.with_dissipation(model)

@@ -132,11 +132,7 @@ def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
 
 
 def split_for_validation(records: list[TrainingRecord], share: float, random):
-    """Hold out whole trajectories, or the end of every trajectory where there are few.
-
-    Return trajectories to train on, and trajectories to choose the weights by: the held-out ones,
-    or all from their beginning, of which only the held-out end counts.
-    """
+    """Return trajectories to train on and, whole or their ends, to choose the weights by."""
     if not share:
         return records, []
     if len(records) >= 3:

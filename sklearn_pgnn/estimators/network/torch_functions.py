@@ -39,11 +39,7 @@ def torch_value(expression, values) -> torch.Tensor:
 
 
 def values_of(model: PhysicsModel, x, u, t, tuned=None) -> dict:
-    """Return time, states, inputs and parameters by name.
-
-    States have shape (..., n_states), inputs (..., n_inputs) and times [s] (...); `tuned` are
-    values of parameters in place of the model's.
-    """
+    """Return time [s], states, inputs and parameters, those `tuned` in their place, by name."""
     values = {"t": t}
     values |= {name: x[..., i] for i, name in enumerate(model.states)}
     values |= {name: u[..., i] for i, name in enumerate(model.inputs)}
