@@ -87,7 +87,7 @@ def find_wiring(
     levels = noise_levels(records) if levels is None else levels
     some = tuple(_part(record, SAMPLES // len(records)) for record in records)
     trials = _Trials(model, some, levels, each_step)
-    if not trials.doubts:
+    if not (trials.before > CLEARLY * FOLLOWS).any():
         return None
     right = told_by_torques(model, some, levels)
     open_ = (wiring for wiring in _wirings(trials) if not touches(wiring, right))
@@ -175,11 +175,6 @@ class _Trials:
     def before(self) -> np.ndarray:
         """The errors as given, at most those without any model."""
         return np.minimum(self.given, self._without)
-
-    @property
-    def doubts(self) -> bool:
-        """Whether so much is left that a wiring may be wrong."""
-        return bool((self.before > CLEARLY * FOLLOWS).any())
 
     def follows(self, wiring: Wiring) -> bool:
         """Return whether the model as given follows an output that a wiring would spoil."""

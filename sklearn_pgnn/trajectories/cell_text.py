@@ -98,11 +98,6 @@ def mark_of(cells: Iterable[Any]) -> str:
     return ""
 
 
-def has_commas(cells: Iterable[Any]) -> bool:
-    """Whether some text has a comma, so that its numbers are not simply those of a computer."""
-    return any(isinstance(cell, str) and "," in cell for cell in cells)
-
-
 def may_be_two(cell: Any) -> bool:
     """Whether a text is one number with a decimal point and another with a decimal comma.
 

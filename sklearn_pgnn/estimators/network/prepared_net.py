@@ -168,7 +168,8 @@ class PreparedNet(TrajectoryNet):
             warn_of_other_intervals(filled, self.interval_, self.structure_)
 
     def _prepare(self, X, filled):
-        features = feature_values(X, self.further_columns_)
+        further = self.further_columns_
+        features = _numbers(X, further) if further else np.zeros((len(X), 0))
         if self._guide != "simulation":
             simulated = np.zeros((len(X), 0))
         else:
@@ -400,11 +401,6 @@ def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
     }
     taken |= {name + SIMULATED for name in (*model.states, *model.outputs)}
     return [name for name in X.columns if name not in taken]
-
-
-def feature_values(X, names: list[str]) -> np.ndarray:
-    """Read the further columns that `further_columns` named in `fit`."""
-    return _numbers(X, names) if names else np.zeros((len(X), 0))
 
 
 def _numbers(X: pd.DataFrame, names) -> np.ndarray:

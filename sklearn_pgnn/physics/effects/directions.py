@@ -151,14 +151,10 @@ def _flow(
     known = {*model.states, *model.inputs}
     if not moving or not moving <= known or model.parameters[str(p)].value == 0:
         return None
-    if part == "equations" and _is_motion(model, key):
+    moves = is_velocity(model, key) or key in model.kinematic_pairs.values()
+    if part == "equations" and moves:
         return _Flow(part, key, flow, divides) if moving <= set(model.inputs) else None
     return _Flow(part, key, flow, divides)
-
-
-def _is_motion(model: PhysicsModel, state: str) -> bool:
-    """Return whether a state is a velocity or a position."""
-    return is_velocity(model, state) or state in model.kinematic_pairs.values()
 
 
 def _ratio(model: PhysicsModel, flow: sympy.Expr, first: sympy.Expr) -> float | None:
