@@ -74,12 +74,7 @@ class Rig:
         return self.offset + amplitudes[:, None, None] * self.waves
 
     def run(self, plant, amplitudes, *, states=()):
-        """Drive a machine from its initial state.
-
-        `states` start at `initial_state`; the other states of the plant start at their equilibrium
-        for `offset`. By default all start at `initial_state`. Return states and outputs without
-        noise, both of shape (n_records, n_samples, ...).
-        """
+        """Drive a machine; return states and outputs without noise, (n_records, n_samples, n)."""
         start = np.array([list(plant.initial_state.values())] * len(amplitudes))
         start = settled(plant, states or plant.states, start, self.offset)
         return integrate(plant, self.t, self.inputs(amplitudes), start, substeps=self.substeps)
@@ -100,11 +95,7 @@ def resting_input(model):
 
 
 def settled(plant, known, x, u):
-    """Set the unknown states (those of an actuator) to values at which their rate is zero.
-
-    The `known` ones are left unchanged; a rate is taken as affine in its own state. `x` has shape
-    (n_records, n_states), `u` (n_inputs,) or (n_records, n_inputs).
-    """
+    """Set unknown states (n_records, n_states) to where a rate, affine in its own, is zero."""
     x, unknown = x.copy(), [i for i, name in enumerate(plant.states) if name not in known]
     if not unknown:
         return x

@@ -41,11 +41,7 @@ def _sizes(cause: "NamedCause") -> list[dict]:
 
 
 def parameters_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
-    """Return the re-tuned parameters of the prior as a table, one row each.
-
-    By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
-    excludes the prior value.
-    """
+    """Return the re-tuned parameters of the prior as a table, one row each."""
     rows = {
         name: {
             "prior": p.prior,
@@ -63,13 +59,7 @@ def parameters_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
 
 
 def gain_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
-    """Return the error reduction by re-tuning and extending as a table, one row per output.
-
-    By output: root mean square errors on held-out windows of the model as given, re-tuned,
-    extended, and with the formula where there is one, the noise, the share of the error power that
-    is explained with its 95 % interval, the errors of the same models in free run over whole
-    records, and the unit of the errors.
-    """
+    """Return the error reduction by re-tuning and extending as a table, one row per output."""
     rows = {}
     for output, gain in diagnosis.gain_.items():
         run = diagnosis.free_run_[output]

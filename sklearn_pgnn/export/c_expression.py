@@ -21,12 +21,7 @@ PI, E = "3.141592653589793", "2.718281828459045"
 
 @dataclass
 class CPrinter:
-    """Write expressions in C, and collect the helpers that they call.
-
-    Numbers are ``float`` instead of ``double`` if `single`; `prefix` is the beginning of the
-    helpers' names. `powers` are integer exponents met so far, each of which needs a helper
-    ``power_n``, and `extremes` the helpers met so far, among ``smaller`` and ``larger``.
-    """
+    """Write expressions in C, and collect the powers and extremes whose helpers they call."""
 
     single: bool = False
     prefix: str = ""

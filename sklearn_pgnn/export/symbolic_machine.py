@@ -27,12 +27,7 @@ _CONSTANTS = {"pi": 3.141592653589793, "e": 2.718281828459045}
 
 
 class SymbolicMachine:
-    """A model over symbols that support Python's operators.
-
-    `function` returns the library's function by its name in C, and ``fmin``, ``fmax`` and
-    ``if_else``. Parameters that are `free` are symbols instead of numbers. `friction_width` is the
-    speed over which the jump of dry friction is smoothed; without it there must be no dry friction.
-    """
+    """A model over symbols of a library, whose functions `function` returns by name in C."""
 
     def __init__(
         self,

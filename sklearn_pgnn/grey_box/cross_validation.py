@@ -135,14 +135,7 @@ class JudgedDepths:
 
 @dataclass(frozen=True)
 class DepthJudge:
-    """Cross-validates depths on the same folds.
-
-    A fold is a mask of the hidden samples, and `n_jobs` of them are fitted in parallel. `window` is
-    the number of first samples of a hidden trajectory from which its initial state is estimated.
-    `memory` keeps the results of physical depths, `print_line` receives a line of text for every
-    depth, and ``show(stage, done, total)`` is called with the folds of a depth. Once there is a
-    result, no fold is begun after the time.
-    """
+    """Cross-validates depths on the same folds, until the time is up and there is a result."""
 
     table: PlainTable
     folds: list[np.ndarray]

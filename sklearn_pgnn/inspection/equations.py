@@ -241,12 +241,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Equation:
-    """One equation of a model.
-
-    `mathml` is in pieces between which a line may break, with the terms that the other model lacks
-    marked, and empty where it would be too large to read; `cases` are these terms, case by case,
-    empty if without cases. It is `changed` if it differs from that of the other model.
-    """
+    """An equation in pieces of MathML, its new terms by case, and whether it changed."""
 
     text: str
     mathml: str

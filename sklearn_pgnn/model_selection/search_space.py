@@ -159,12 +159,7 @@ def _parts(estimator) -> dict:
 
 @singledispatch
 def searched_parts(estimator) -> dict:
-    """Return the estimators inside another one as it fits them, where its parameters do not tell.
-
-    To be registered for such an estimator's class.
-
-    They are by the name of the parameter; None stands for one that is never fitted.
-    """
+    """Return the estimators inside another one as it fits them, None for one that it never does."""
     return {}
 
 
