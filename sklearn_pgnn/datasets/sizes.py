@@ -169,15 +169,7 @@ def family(kind, target: str, model, scales: Scales, rng):
 
 
 def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int = 1):
-    """Return an effect of a size that matters.
-
-    The size is bisected until the outputs with and without the effect, both started from the
-    same states, differ on short windows by a drawn multiple (`MATTERS`) of the noise.
-
-    `effect` is a function of its size, `x` are the states of the machine without it, and `floor` is
-    the noise of the outputs. Return the effect, and whether it reaches the least multiple; if not,
-    it has the largest size.
-    """
+    """Bisect an effect's size until it matters on windows; return it, and whether it does."""
     wanted = np.exp(rng.uniform(*np.log(MATTERS)))
     windows = _windows(t, u, x, scales.window, rng)
     without = integrate(model, *windows, substeps=substeps)[1]

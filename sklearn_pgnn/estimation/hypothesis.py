@@ -13,12 +13,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A set of missing effects with their targets, in the order they were found.
-
-    Only the kind and target of each cause matter, not its size. `order` is that in which they
-    apply, which matters where, say, an input both saturates and lags; by default as they were
-    found.
-    """
+    """A set of missing effects by kind and target, as found, and the order in which they apply."""
 
     causes: tuple[Effect, ...] = ()
     order: tuple[Effect, ...] = ()

@@ -40,12 +40,7 @@ STILL = 1e-9
 def read_library(
     library, names: Sequence[str], degree: int = 2, model: PhysicsModel | None = None
 ) -> tuple[sympy.Expr, ...]:
-    """Return the terms of a library.
-
-    An entry is ``"polynomial"``, ``"fourier"`` (or ``"trigonometric"``), ``"model"`` for the terms
-    of the model, an expression such as ``"tanh(omega/0.02)"``, or an object of pysindy; a list
-    combines them. Each term is there once.
-    """
+    """Return the terms of a library, or of several: names, expressions, objects of pysindy."""
     entries = library if isinstance(library, list | tuple) else [library]
     terms = [term for entry in entries for term in _read_entry(entry, names, degree, model)]
     if not terms:

@@ -14,11 +14,7 @@ TIME = "t"
 
 
 def as_table(X: Table, time_column: Column | None = None) -> Table:
-    """Return a DataFrame of any library as a pandas one, with its clock as a column.
-
-    An index of dates or of time differences becomes the column ``t``, if X has no such column and
-    `time_column` is not given. Anything but a DataFrame is returned unchanged.
-    """
+    """Return a DataFrame of any library as pandas', an index of times as its column ``t``."""
     table = as_pandas(X)
     if not isinstance(table, pd.DataFrame) or time_column is not None or TIME in table.columns:
         return table

@@ -66,14 +66,7 @@ def refuse_fit_params(estimator: BaseEstimator, fit_params: dict) -> None:
 
 
 def validate_table(estimator: BaseEstimator, X: Table, *, reset: bool) -> Table:
-    """Refuse invalid tables, and store or compare the number and the names of the columns.
-
-    With `reset` (in `fit`) the estimator receives `n_features_in_` and, for a DataFrame,
-    `feature_names_in_`; else the columns are compared with these. NaN is left to `read_records`,
-    which knows where it is allowed. A DataFrame of another library is returned as a pandas one. If
-    `fit` saw names and X has none, of which scikit-learn warns, its columns are taken to be those
-    of `fit` in order.
-    """
+    """Refuse invalid tables; with `reset` store the columns' number and names, else compare."""
     X = as_table(X, getattr(estimator, "time_column", None))
     if isinstance(X, pd.DataFrame):
         validate_data(estimator, X, reset=reset, skip_check_array=True)

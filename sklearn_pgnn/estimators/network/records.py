@@ -111,11 +111,7 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
 
 
 def told_samples(records) -> list[np.ndarray]:
-    """Find the samples whose states the measured outputs determine, across short gaps too.
-
-    A mask is false before a record's first measured sample, after its last one, and in gaps longer
-    than both a window and as many of the usual intervals of its measurements as a window has.
-    """
+    """Find samples whose states the outputs determine, also across gaps within a window."""
     window = WINDOW_SHARE * dominant_period(records)
     return [_told(record.t, where_measured(record.y), window) for record in records]
 
