@@ -82,11 +82,6 @@ class Difference(Effect):
         """Return the unit of the quantity."""
         return {"target": model.unit(parts(self.target)[0])}
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from no difference."""
-        return (cls(target),)
-
 
 @dataclass(frozen=True)
 class ParameterDifference(Difference):

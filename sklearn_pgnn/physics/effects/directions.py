@@ -90,11 +90,6 @@ class CoefficientByDirection(Effect):
         return dict(parts)
 
     @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from no difference."""
-        return (cls(target),)
-
-    @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep a part of the flow, and a factor of twenty."""
         return {"change": (-0.98, 20.0)}

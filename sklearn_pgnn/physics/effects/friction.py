@@ -66,11 +66,6 @@ class ViscousFriction(RateEffect):
         """Return d*v."""
         return p["coefficient"] * v
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without friction."""
-        return (cls(target),)
-
 
 @dataclass(frozen=True)
 class SpeedEffect(RateEffect):
@@ -409,11 +404,6 @@ class QuadraticDrag(SpeedEffect):
     ) -> sympy.Expr:
         """Return c*v*abs(v)."""
         return p["coefficient"] * v * sympy.Abs(v)
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without drag."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)

@@ -170,11 +170,6 @@ class ConstantLoad(RateEffect):
         """Return F0."""
         return p["load"]
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without a load."""
-        return (cls(target),)
-
 
 @dataclass(frozen=True)
 class PeriodicDisturbance(RateEffect):

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import sympy
 
-from sklearn_pgnn.physics.effect import Effect, Scales
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.expressions import TIME, expanded, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port, with_coefficients
@@ -59,11 +59,6 @@ class Wiring(Effect):
     phrase = "{target}"
     lacking = "has a"
     check: ClassVar[str] = "Look at the wiring and the channel list; move one thing at a time."
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Return the effect itself: there is nothing to fit."""
-        return (cls(target),)
 
     def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
         """Return the outputs that the model cannot follow without it, where that is known."""
