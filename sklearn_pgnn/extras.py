@@ -29,10 +29,7 @@ def is_installed(extra: str) -> bool:
 
 @contextmanager
 def needed_by(what: str) -> Iterator[None]:
-    """Name the required extra if an import inside the block does not find a library.
-
-    Any other error is passed on: an installed but broken library raises its own.
-    """
+    """Name the required extra if an import inside the block does not find a library."""
     try:
         yield
     except ModuleNotFoundError as error:

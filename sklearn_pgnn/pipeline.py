@@ -19,10 +19,7 @@ class NamedColumns(ColumnTransformer):
     """A `ColumnTransformer` whose result has names, by which the network reads it."""
 
     def set_output(self, *, transform: str | None = None) -> Self:
-        """Choose the library of the table; an array, which has no names, is refused.
-
-        By default the library is as before.
-        """
+        """Choose the library of the table; an array, which has no names, is refused."""
         if transform == "default":
             raise OptionError(
                 "transform: expected 'pandas' or 'polars', for the network reads the columns of "

@@ -112,10 +112,7 @@ class _Live:
 
 
 class Lines:
-    """A line when a stage begins, and one every few seconds while it goes on, with the time so far.
-
-    `write` takes a line, `clock` returns the time [s].
-    """
+    """A line when a stage begins, and every few seconds [s] of the clock while it goes on."""
 
     def __init__(self, write: Callable[[str], object], clock: Callable[[], float] = monotonic):
         self.write, self.clock = write, clock

@@ -44,8 +44,6 @@ def local_threads(n_jobs: int | None) -> int:
 def other_processes(n_jobs: int | None) -> int:
     """Return the number of processes for a given `n_jobs`, on this computer or in a cluster.
 
-    Examples
-    --------
     >>> other_processes(None), other_processes(2)
     (1, 2)
     >>> with parallel_config(backend="threading"):
@@ -59,16 +57,7 @@ def other_processes(n_jobs: int | None) -> int:
 
 
 def in_turn(calls: list, n_jobs: int | None, **options: Any) -> Iterable[Any]:
-    """Return the results of calls in order, each as soon as joblib's backend returns it.
-
-    They are made by `joblib.delayed`; options are those of `joblib.Parallel`.
-
-    Examples
-    --------
-    >>> from joblib import delayed
-    >>> list(in_turn([delayed(abs)(-1), delayed(abs)(2)], None))
-    [1, 2]
-    """
+    """Return the results of `joblib.delayed` calls in order, each as soon as joblib returns it."""
     try:
         parallel = Parallel(n_jobs, return_as="generator", **options)
     except ValueError:  # the backend returns all results at once

@@ -40,10 +40,7 @@ def held() -> Iterator[None]:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """End the block in an orderly way on a signal.
-
-    A signal that the caller ignores, as ``nohup`` does, stays ignored.
-    """
+    """End the block in an orderly way on a signal; one that the caller ignores stays ignored."""
     before = _install()
     try:
         yield

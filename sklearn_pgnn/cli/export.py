@@ -100,8 +100,6 @@ def export(
 def check_options(target: str, options: dict) -> dict:
     """Return the given options, if the target accepts them and none is missing.
 
-    Examples
-    --------
     >>> check_options("c", {"interval": 0.01, "fmi": None})
     {'interval': 0.01}
     """

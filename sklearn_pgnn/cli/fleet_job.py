@@ -46,11 +46,7 @@ def on_cluster(address: str | None) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class FleetJob:
-    """One call of ``sklearn-pgnn fleet``.
-
-    The options are ``pattern``, ``cluster``, ``earlier``, ``sample_time`` and ``n_jobs``; all
-    others as in `sklearn_pgnn.cli.diagnose.Job`.
-    """
+    """One call of ``sklearn-pgnn fleet``; its options, and those of `cli.diagnose.Job`."""
 
     model: str
     records: str

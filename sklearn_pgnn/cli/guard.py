@@ -45,8 +45,6 @@ class Bug(click.ClickException):
 def one_line(text: object) -> str:
     r"""Return a text on one line, without control characters, without the middle if it is long.
 
-    Examples
-    --------
     >>> one_line("two\nlines \x1b[31m")
     'two lines ?[31m'
     """

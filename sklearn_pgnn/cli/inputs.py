@@ -96,8 +96,6 @@ def _refuse_noise(word: str, outputs: Sequence[str]) -> NoReturn:
 def choose_effects(only: Iterable[str], not_these: Iterable[str]) -> tuple[type[Effect], ...]:
     """Choose effects of the catalogue by their ids.
 
-    Examples
-    --------
     >>> [effect.id for effect in choose_effects(["leak,cogging", "overflow"], ["leak"])]
     ['cogging', 'overflow']
     """
@@ -114,8 +112,6 @@ def choose_effects(only: Iterable[str], not_these: Iterable[str]) -> tuple[type[
 def split(words: Iterable[str]) -> list[str]:
     """Return the words between commas and blanks.
 
-    Examples
-    --------
     >>> split(["a, b", "c"])
     ['a', 'b', 'c']
     """

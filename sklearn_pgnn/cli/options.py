@@ -29,8 +29,6 @@ FILE = _File()
 def complete_effects(_context: click.Context, _option: click.Parameter, begun: str) -> list[str]:
     """Return the possible completions of a comma-separated list of effects.
 
-    Examples
-    --------
     >>> complete_effects(None, None, "leak,input_bi")
     ['leak,input_bias']
     """

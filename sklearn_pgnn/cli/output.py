@@ -84,11 +84,7 @@ def check_free(output: Path, names: Sequence[str], *, force: bool) -> list[str]:
 
 @contextmanager
 def result_folder(output: Path) -> Iterator[Path]:
-    """Yield a temporary folder whose files are moved to `output` on success.
-
-    It stands beside `output`, and is removed after an error or a signal; where it could not be,
-    the next run removes it.
-    """
+    """Yield a temporary folder beside `output`, whose files are moved there on success."""
     _check_place(output)
     with held(), writing(output):
         temporary = WorkingFolder(_beside(output))

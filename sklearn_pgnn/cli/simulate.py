@@ -24,12 +24,7 @@ from sklearn_pgnn.trajectories.several_files import read_each
 def simulate_files(
     model: FilePath, data: Sequence[FilePath], sample_time: float | None = None
 ) -> tuple[PhysicsModel, pd.DataFrame, dict[str, list[float]]]:
-    """Simulate a model file on the inputs of files, in free run.
-
-    The outputs may be missing in the files; the sample time [s] is that of files without a time.
-    The table has time, inputs, states and outputs, with units in the header; the fits of the
-    measured outputs [%] are by record, empty if none was measured.
-    """
+    """Simulate a model file on inputs of files in free run: a table, and fits [%] by record."""
     read = read_model(model)
     with told_warnings(RecordWarning):
         X, y = read_each(open_file, data, read, sample_time, needs_outputs=False)

@@ -39,8 +39,6 @@ def print_findings(console: Console, findings: Iterable[Finding], style: str = "
 def change(value: float, prior: float) -> str:
     """Return a change in percent; small changes are not rounded to zero, none is given from zero.
 
-    Examples
-    --------
     >>> change(2.1, 2.0), change(1.9998, 2.0), change(2.0, 2.0), change(1.0, 0.0)
     ('+5.0 %', '-0.01 %', '0 %', '')
     """

@@ -14,8 +14,6 @@ SINES, LEVELS, PAUSES = 6, 12, 0.2
 def multisine(t, rng):
     r"""Add up sines of random frequency and phase, :math:`\sum_i \sin(2\pi f_i t + \alpha_i)`.
 
-    Examples
-    --------
     >>> wave = multisine(np.linspace(0, 10, 1001), np.random.RandomState(0))
     >>> float(np.abs(wave).max())
     1.0
@@ -28,8 +26,6 @@ def multisine(t, rng):
 def sine(t, rng):
     r"""Return one sine of random frequency from rest, :math:`\sin(2\pi f t)`.
 
-    Examples
-    --------
     >>> float(sine(np.linspace(0, 10, 1001), np.random.RandomState(0))[0])
     0.0
     """
@@ -40,8 +36,6 @@ def sine(t, rng):
 def chirp(t, rng):
     """Sweep a sine over the whole band, its frequency growing exponentially.
 
-    Examples
-    --------
     >>> wave = chirp(np.linspace(0, 10, 1001), np.random.RandomState(0))
     >>> bool(np.abs(wave).max() > 0.99)
     True
@@ -56,8 +50,6 @@ def chirp(t, rng):
 def steps(t, rng):
     """Hold random levels, some of them zero, for random times.
 
-    Examples
-    --------
     >>> wave = steps(np.linspace(0, 10, 1001), np.random.RandomState(0))
     >>> len(np.unique(wave)) <= 12
     True
@@ -82,8 +74,6 @@ def excite(kinds, t, n_records: int, n_inputs: int, rng):
     `MIXED`. The excitations, of shape (n_records, n_samples, n_inputs), have a largest magnitude of
     1.
 
-    Examples
-    --------
     >>> excite("mixed", np.linspace(0, 10, 1001), 4, 1, np.random.RandomState(0)).shape
     (4, 1001, 1)
     """

@@ -190,8 +190,6 @@ def perturb(model, error: float, rng):
 
     `error` is the largest :math:`|\epsilon|`.
 
-    Examples
-    --------
     >>> model = perturb(golf_robot(), 0.05, np.random.RandomState(0))
     >>> 0.95 < model.parameters["J"].value / 0.1445 < 1.05
     True

@@ -38,14 +38,7 @@ SWEEPS, ROUNDING = 300, 1e-10
 
 
 def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
-    """Simulate many records of equal length together.
-
-    Times [s] are common to the records. Inputs, of shape (n_records, n_samples, n_inputs) and by
-    default zero, are held from sample to sample unless the model's `simulation` asks for linear
-    interpolation. Initial states, (n_records, n_states), are by default the model's `initial_state`
-    in every record, with `settled` states at the first inputs. Return states, not finite where a
-    record became non-finite, and outputs, both of shape (n_records, n_samples, ...).
-    """
+    """Integrate records together; states and outputs have shape (n_records, n_samples, n)."""
     t = np.asarray(t, dtype=float)
     if u is None:
         u = np.zeros((1 if x0 is None else len(x0), t.size, len(model.inputs)))

@@ -11,12 +11,7 @@ from sklearn_pgnn.datasets.integrator import Plant, integrate
 
 
 def make_tables(model, t, u, x0, y):
-    """Write records as two tables, one row per sample, one trajectory after the other.
-
-    X has the columns ``trajectory``, ``t``, the inputs and the states; the states are known in the
-    first row of a trajectory and NaN in the others. Times [s] are common to the records, over which
-    the first axis of `u`, `x0` and `y` runs.
-    """
+    """Write records as X, with the states in the first row of a trajectory, and y, row by row."""
     n_records, n_samples = u.shape[:2]
     x = np.full((n_records, n_samples, len(model.states)), np.nan)
     x[:, 0] = x0
@@ -30,19 +25,12 @@ def make_tables(model, t, u, x0, y):
 
 
 def add_noise(model, y, noise, rng):
-    """Add white Gaussian noise to the outputs.
-
-    Their shape is (n_records, n_samples, n_outputs). The standard deviation `noise` is common, or
-    per output by name.
-    """
+    """Add white Gaussian noise to outputs (n_records, n_samples, n_outputs), common or by name."""
     return y + noise_levels(model, noise) * rng.standard_normal(y.shape)
 
 
 def noise_levels(model, noise):
-    """Return the standard deviation of the noise of every output.
-
-    `noise` is common, or per output; outputs missing from a mapping have no noise.
-    """
+    """Return the standard deviation of the noise of every output; one in no mapping has none."""
     levels = noise if hasattr(noise, "get") else dict.fromkeys(model.outputs, noise)
     unknown = [name for name in levels if name not in model.outputs]
     values = np.array([float(levels.get(name, 0.0)) for name in model.outputs])
@@ -74,11 +62,7 @@ ROUNDS, NEAR = 8, 0.3
 
 @dataclass(frozen=True)
 class Rig:
-    """The commanded inputs of a set of records of equal length.
-
-    Excitations `waves`, of shape (n_records, n_samples, n_inputs), have a largest magnitude of 1;
-    `offset` are the inputs about which the rig is driven.
-    """
+    """The commanded inputs of a set of records: waves of size 1, about an offset."""
 
     t: np.ndarray
     waves: np.ndarray
@@ -86,32 +70,19 @@ class Rig:
     substeps: int = 1
 
     def inputs(self, amplitudes):
-        """Return the commanded inputs.
-
-        Every record has an amplitude [input]; the inputs have shape (n_records, n_samples,
-        n_inputs).
-        """
+        """Return inputs (n_records, n_samples, n_inputs) of an amplitude [input] a record."""
         return self.offset + amplitudes[:, None, None] * self.waves
 
     def run(self, plant, amplitudes, *, states=()):
-        """Drive a machine from its initial state.
-
-        `states` start at `initial_state`; the other states of the plant start at their equilibrium
-        for `offset`. By default all start at `initial_state`. Return states and outputs without
-        noise, both of shape (n_records, n_samples, ...).
-        """
+        """Drive a machine; return states and outputs without noise, (n_records, n_samples, n)."""
         start = np.array([list(plant.initial_state.values())] * len(amplitudes))
         start = settled(plant, states or plant.states, start, self.offset)
         return integrate(plant, self.t, self.inputs(amplitudes), start, substeps=self.substeps)
 
 
 def resting_input(model):
-    """Return the inputs that hold a machine in its initial state.
+    """Return the inputs nearest to holding a machine at rest, :math:`f(0, x_0, u) = 0`.
 
-    This is the least-squares solution of :math:`f(0, x_0, u) = 0` for rates affine in the inputs.
-
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import systems
     >>> resting_input(systems.two_tanks()).round(6)
     array([3.])
@@ -124,11 +95,7 @@ def resting_input(model):
 
 
 def settled(plant, known, x, u):
-    """Set the unknown states (those of an actuator) to values at which their rate is zero.
-
-    The `known` ones are left unchanged; a rate is taken as affine in its own state. `x` has shape
-    (n_records, n_states), `u` (n_inputs,) or (n_records, n_inputs).
-    """
+    """Set unknown states (n_records, n_states) to where a rate, affine in its own, is zero."""
     x, unknown = x.copy(), [i for i, name in enumerate(plant.states) if name not in known]
     if not unknown:
         return x
@@ -151,21 +118,14 @@ def settled(plant, known, x, u):
 
 
 def excursion(model, y):
-    """Return the largest excursion of the first output, relative to its reach.
-
-    Every record has one; it is infinite where the record is not finite.
-    """
+    """Return the largest excursion of the first output, relative to its reach, of every record."""
     reach = REACH.get(model.unit(next(iter(model.outputs))), 1.0)
     moved = np.abs(y[..., 0] - y[:, :1, 0]).max(axis=1)
     return np.where(np.isfinite(y).all(axis=(1, 2)), moved, np.inf) / reach
 
 
 def find_amplitudes(rig: Rig, model, goals):
-    """Find the amplitude with which every record reaches its goal.
-
-    Goals are desired excursions, as fractions of the reach; the amplitudes are in the unit of the
-    input.
-    """
+    """Find the amplitudes [input] with which every record reaches its share of the reach."""
     amplitudes = np.full(goals.size, max(1.0, np.abs(rig.offset).max(initial=0.0)))
     for _ in range(ROUNDS):
         moved = np.maximum(excursion(model, rig.run(model, amplitudes)[1]), 1e-9)
@@ -176,11 +136,7 @@ def find_amplitudes(rig: Rig, model, goals):
 
 
 def run_bounded(rig: Rig, plant, model, amplitudes):
-    """Drive a machine, adjusting the amplitude of records that move too far or hardly at all.
-
-    The model defines the known states. Return the final amplitudes [input], and states and outputs
-    without noise, both of shape (n_records, n_samples, n).
-    """
+    """Drive a machine with amplitudes [input] adjusted where it moves too far or hardly."""
     x, y = rig.run(plant, amplitudes, states=model.states)
     least, amplitudes = KEPT * amplitudes, amplitudes.copy()
     for _ in range(ROUNDS):

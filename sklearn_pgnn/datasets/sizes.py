@@ -117,10 +117,7 @@ SPANS = {("input_backlash", "width"): 2.0}
 
 
 def measure_scales(model, t, u, x, y) -> Scales:
-    """Measure the magnitudes of the signals of a set of records.
-
-    Inputs, states and outputs have shape (n_records, n_samples, n).
-    """
+    """Measure magnitudes in records: arrays of shape (n_records, n_samples, n)."""
     signals = {
         name: values[..., i]
         for names, values in ((model.outputs, y), (model.states, x), (model.inputs, u))
@@ -143,11 +140,7 @@ def measure_scales(model, t, u, x, y) -> Scales:
 
 
 def family(kind, target: str, model, scales: Scales, rng):
-    """Draw an effect of undetermined size.
-
-    Return the effect as a function of its size; `rng` draws the proportions of its parameters, and
-    its sign.
-    """
+    """Draw an effect, its sign and proportions, as a function of its size."""
     sign = rng.choice([-1.0, 1.0])
     if kind.id == "wrong_parameter":
         own = model.parameters[target]  # changed by at least a fifth
@@ -176,15 +169,7 @@ def family(kind, target: str, model, scales: Scales, rng):
 
 
 def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int = 1):
-    """Return an effect of a size that matters.
-
-    The size is bisected until the outputs with and without the effect, both started from the
-    same states, differ on short windows by a drawn multiple (`MATTERS`) of the noise.
-
-    `effect` is a function of its size, `x` are the states of the machine without it, and `floor` is
-    the noise of the outputs. Return the effect, and whether it reaches the least multiple; if not,
-    it has the largest size.
-    """
+    """Bisect an effect's size until it matters on windows; return it, and whether it does."""
     wanted = np.exp(rng.uniform(*np.log(MATTERS)))
     windows = _windows(t, u, x, scales.window, rng)
     without = integrate(model, *windows, substeps=substeps)[1]

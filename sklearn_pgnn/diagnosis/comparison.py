@@ -21,11 +21,7 @@ from sklearn_pgnn.physics.effects.wiring import Wiring
 
 
 class Comparison:
-    """Compare fitted hypotheses; a comparison does not depend on when it is made.
-
-    `given` are causes that the records show by themselves: any positive evidence for them is
-    enough.
-    """
+    """Compare fitted hypotheses, whenever it is made; any evidence is enough for given causes."""
 
     def __init__(
         self,
@@ -63,10 +59,7 @@ class Comparison:
         return told
 
     def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
-        """Return the evidence for the second of two hypotheses, each with a disturbance.
-
-        It is NaN where it cannot be computed.
-        """
+        """Return the evidence for the second of two disturbed hypotheses; NaN for none."""
         share = self.criterion.smallest_share
         return self.fitter.evidence_disturbed(without, with_, share)
 
@@ -189,17 +182,11 @@ class Comparison:
         return bool(self._coloured(trial, self.fitter.held_out(trial).windows.squares).any())
 
     def runs_away(self, trial: FittedHypothesis) -> bool:
-        """Return whether a hypothesis tells nothing, and leaves more than noise.
-
-        See `WindowFitter.runs_away`.
-        """
+        """Return whether a hypothesis tells nothing, and leaves more than noise."""
         return self.fitter.runs_away(trial) and self.is_coloured(trial)
 
     def leaves_what_may_depend(self, trial: FittedHypothesis) -> bool:
-        """Return whether more than white noise is left, and not a divergence of the model itself.
-
-        Only then can what is left depend on what was recorded.
-        """
+        """Return whether more than white noise is left, and no divergence of the model itself."""
         return self.is_nameable(trial) and not self.runs_away(trial)
 
     def leaves_much(self, trial: FittedHypothesis) -> bool:

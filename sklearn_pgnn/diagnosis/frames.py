@@ -11,13 +11,7 @@ if TYPE_CHECKING:
 
 
 def causes_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
-    """Return the named causes as a table, one row per parameter.
-
-    A row has the rank of the cause, its effect and target, a parameter with its value, 95 %
-    interval and unit, the reduction of the error by the cause [%], its probability and that of none
-    of the catalogue (NaN where it was not tested against the rest), and the candidates it is
-    confused with.
-    """
+    """Return the named causes as a table, one row per parameter, intervals of 95 %."""
     rows = []
     for place, cause in enumerate(diagnosis.causes_, start=1):
         about = {"cause": place, "effect": cause.effect, "target": cause.target}
@@ -47,20 +41,7 @@ def _sizes(cause: "NamedCause") -> list[dict]:
 
 
 def parameters_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
-    """Return the re-tuned parameters of the prior as a table, one row each.
-
-    By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
-    excludes the prior value.
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> from sklearn_pgnn.diagnosis.result import RetunedParameter
-    >>> mass = RetunedParameter(2.0, 2.1, 2.05, 2.15, "kg", True)
-    >>> table = parameters_frame(SimpleNamespace(parameters_={"m": mass}))
-    >>> print(*table.loc["m", ["prior", "value", "unit"]])
-    2.0 2.1 kg
-    """
+    """Return the re-tuned parameters of the prior as a table, one row each."""
     rows = {
         name: {
             "prior": p.prior,
@@ -78,22 +59,7 @@ def parameters_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
 
 
 def gain_frame(diagnosis: "ModelDiagnosis") -> pd.DataFrame:
-    """Return the error reduction by re-tuning and extending as a table, one row per output.
-
-    By output: root mean square errors on held-out windows of the model as given, re-tuned,
-    extended, and with the formula where there is one, the noise, the share of the error power that
-    is explained with its 95 % interval, the errors of the same models in free run over whole
-    records, and the unit of the errors.
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> from sklearn_pgnn.diagnosis import FreeRunError, Gain
-    >>> found = SimpleNamespace(gain_={"v": Gain(3.0, 2.0, 1.0, 1.0, 0.99, 0.98, 1.0, "m/s")},
-    ...                         free_run_={"v": FreeRunError(6.0, 5.0, 1.0)})
-    >>> print(*gain_frame(found).loc["v", ["prior", "extended", "free_run_prior", "unit"]])
-    3.0 1.0 6.0 m/s
-    """
+    """Return the error reduction by re-tuning and extending as a table, one row per output."""
     rows = {}
     for output, gain in diagnosis.gain_.items():
         run = diagnosis.free_run_[output]

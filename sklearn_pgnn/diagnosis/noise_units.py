@@ -18,8 +18,6 @@ from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindo
 def ratio(error: float, noise: float) -> float:
     """Return an error in units of the noise; NaN where there is no noise.
 
-    Examples
-    --------
     >>> ratio(3.0, 0.5), ratio(float("inf"), 0.1)
     (6.0, inf)
     """

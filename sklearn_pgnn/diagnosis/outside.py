@@ -76,8 +76,6 @@ def other_places(prior: PhysicsModel, cause: Effect) -> tuple[str, ...]:
 def is_stand_in(prior: PhysicsModel, cause: Effect) -> bool:
     """Return whether a cause of a sensor or of time may stand in for a law of the plant.
 
-    Examples
-    --------
     >>> from sklearn_pgnn import effects, systems
     >>> cart = systems.cart_on_spring()
     >>> [is_stand_in(cart, e) for e in (effects.SensorBias("position"), effects.InputBias("force"))]

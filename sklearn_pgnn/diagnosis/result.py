@@ -279,10 +279,7 @@ def _probabilities(
     cause: Effect,
     steps: tuple[FittedHypothesis, FittedHypothesis],
 ) -> list[float]:
-    """Return the probabilities of a cause, of each rival, and of none of the catalogue.
-
-    They sum to 1; they are NaN where nothing was compared.
-    """
+    """Return the probabilities of a cause, each rival, and none of the catalogue, in sum 1."""
     rivals = result.rivals[cause]
     if not result.complete:
         return [math.nan] * (2 + len(rivals))

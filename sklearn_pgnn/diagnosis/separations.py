@@ -23,8 +23,6 @@ def pair_of(cause: NamedCause) -> Candidate:
 def effect_named(named: Named, catalogue: Sequence[type[Effect]]) -> Effect:
     """Return the effect of a catalogue with a given id and target.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects import InputBias
     >>> effect_named(("input_bias", "F"), (InputBias,)) == InputBias("F")
     True

@@ -98,8 +98,6 @@ def onset_interval(
     its rise has another distribution than that of a parameter [1]_. Between two samples an onset
     may lie anywhere.
 
-    References
-    ----------
     .. [1] B. E. Hansen, "Sample splitting and threshold estimation", Econometrica 68(3), 2000,
        :doi:`10.1111/1468-0262.00124`.
     """

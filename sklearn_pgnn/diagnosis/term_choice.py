@@ -23,8 +23,6 @@ def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[n
     pursuit selects the column most correlated with the residual, and is misled by columns that are
     nearly collinear.)
 
-    References
-    ----------
     .. [1] S. Chen, S. A. Billings, W. Luo, "Orthogonal least squares methods and their application
        to non-linear system identification", International Journal of Control 50(5), 1989,
        :doi:`10.1080/00207178908953472`.
@@ -97,8 +95,6 @@ def _slope_by(problem: EstimationProblem, base: FittedHypothesis, place: int) ->
 def independent(columns: np.ndarray) -> list[int]:
     """Return the columns that are not linear combinations of those before them.
 
-    Examples
-    --------
     >>> independent(np.array([[1.0, 2.0, 1.0], [0.0, 0.0, 1.0]]))
     [0, 2]
     """

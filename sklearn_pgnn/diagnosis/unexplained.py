@@ -116,10 +116,7 @@ class MissingPart:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A formula for what is missing at a channel, fitted on all windows.
-
-    The trial is the hypothesis to which the formula is added, with its terms fitted.
-    """
+    """A formula for what is missing at a channel of a trial, fitted on all windows."""
 
     hidden: HiddenInput
     effect: Formula
@@ -158,10 +155,7 @@ def propose(
 
 
 def tells_time(problem: EstimationProblem, base: FittedHypothesis) -> bool:
-    """Return whether states and inputs tell most of the time: all records are the same motion.
-
-    Then a law of these comes before one of time.
-    """
+    """Return whether states and inputs tell most of the time: all records are the same motion."""
     model, windows = base.fit.model, problem.windows
     known = np.column_stack([problem.states.values(model), windows.acting_inputs(model)])
     record = windows.record_at(np.arange(windows.t.size))
@@ -273,8 +267,6 @@ def term_library(
 ) -> list[sympy.Expr]:
     """Return functions of one quantity, and products of functions of two, of the leading ones.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y"})
     >>> term_library(lag, ["y"])
     [1, y, Abs(y), y**2, y*Abs(y), y**3]

@@ -34,8 +34,6 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     The errors of two wrong models may differ by chance by much more than a likelihood ratio says:
     where one of them sticks, the other slips.
 
-    References
-    ----------
     .. [1] F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", Journal of Business and
        Economic Statistics 13(3), 1995, :doi:`10.1080/07350015.1995.10524599`.
     """
@@ -117,8 +115,6 @@ def explained_share(worse: Residuals, better: Residuals) -> float:
 def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Residuals]:
     """Return the free runs of the outputs for which one of two hypotheses is informative.
 
-    Examples
-    --------
     >>> left, no_blocks = Residuals(*np.full((3, 2), 100.0)), np.zeros((1, 1, 2))
     >>> unstable = HeldOut(left, left, 0.0, no_blocks, tells_in_free_run=np.array([True, False]))
     >>> free_runs_that_tell(unstable, unstable)[0].squares

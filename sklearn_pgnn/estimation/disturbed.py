@@ -140,11 +140,7 @@ class HeldOutWindows:
         return places_of(self.problem.prior)
 
     def _first_look(self, channel: str, each_run: Callable[[], bool | None]) -> "_Look":
-        """Find the most likely hidden input at a channel on some windows.
-
-        It decides where to search further. Where there are many places, each is looked at on
-        fewer windows.
-        """
+        """Find the likely hidden input at a channel on some windows, fewer for many places."""
         windows, (size, time) = self.problem.windows, self._typical(channel)
         share = min(len(self._places) // KEPT, len(windows) // STRETCHES)
         few = np.arange(0, len(windows), max(one_of(windows), share))
@@ -259,10 +255,7 @@ class Judged(NamedTuple):
 
 
 class DisturbedEvidence:
-    """Evidence between hypotheses with a disturbance; the likelihoods are cached.
-
-    `folds` is the fold of every window.
-    """
+    """Evidence between hypotheses with a disturbance; the likelihoods are cached, by fold."""
 
     def __init__(self, problem: EstimationProblem, folds: np.ndarray):
         self.problem, self.folds = problem, folds

@@ -52,10 +52,7 @@ class Made(NamedTuple):
 
 
 class FitsAhead:
-    """Let other processes compute fits that a search will request next.
-
-    With `n_processes` of 1 no others are used.
-    """
+    """Let other processes, if any, compute fits that a search will request next."""
 
     _have_started = False  # those of this process
 

@@ -13,10 +13,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 class Start(NamedTuple):
-    """Expected initial states of windows, and their uncertainty.
-
-    `x0` has shape (n_windows, n_states), its standard deviation `spread` (n_states,).
-    """
+    """Expected initial states (n_windows, n_states), and their standard deviation (n_states,)."""
 
     x0: np.ndarray
     spread: np.ndarray
@@ -49,11 +46,7 @@ class FittedHypothesis:
 
 @dataclass(frozen=True)
 class SubsampleFit(FittedHypothesis):
-    """A hypothesis fitted on some of the samples, see `subsample_windows`.
-
-    `origin` is the fit on all windows of the same hypothesis, and `stays_above` a limit below which
-    no further fit of it fell.
-    """
+    """A hypothesis fitted on some samples, its fit on all, and what no fit fell below."""
 
     start: Start
     converged: bool = False
@@ -64,8 +57,6 @@ class SubsampleFit(FittedHypothesis):
 def is_clearly_less(objective: float, other: float) -> bool:
     """Return whether a fit's error is less than another one's by more than its tolerance.
 
-    Examples
-    --------
     >>> is_clearly_less(90.0, 100.0), is_clearly_less(99.99, 100.0)
     (True, False)
     """

@@ -17,11 +17,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 @dataclass(frozen=True)
 class FittedWindows:
-    """A model on the windows of a diagnosis.
-
-    Initial states `x0` have shape (n_windows, n_states); residuals, measured minus simulated in the
-    outputs' units, (n_samples, n_outputs).
-    """
+    """A model on windows: initial states, and residuals, measured minus simulated."""
 
     model: PhysicsModel
     x0: np.ndarray

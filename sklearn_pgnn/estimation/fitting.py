@@ -39,10 +39,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 class HypothesisFitter(WindowFitter):
-    """Fits hypotheses, each once, and cheaply before it is fitted on all windows.
-
-    `progress` receives every step of a fit.
-    """
+    """Fits hypotheses, each once, and cheaply before it is fitted on all windows."""
 
     def __init__(self, problem: EstimationProblem, progress: Progress | None = None):
         super().__init__(problem, progress)

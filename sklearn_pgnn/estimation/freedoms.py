@@ -76,10 +76,7 @@ def held_by(
     hypothesis: Hypothesis,
     held: Callable[[PhysicsModel, Effect], Collection[str]] = held_parameters,
 ) -> set[str]:
-    """Name the model's parameters that are kept fixed under a hypothesis.
-
-    They are those that a cause already covers, see `held_parameters`, and those without a spread.
-    """
+    """Name the parameters that a hypothesis keeps fixed: no spread, or see `held_parameters`."""
     spoken_for: set[str] = set()
     for place, cause in enumerate(hypothesis.causes):
         try:

@@ -20,11 +20,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 def make_folds(problem: EstimationProblem) -> np.ndarray:
-    """Split the windows into folds: by whole records, or by stretches.
-
-    Stretches are used for a single record, or if one record holds so many of the windows that the
-    others would leave too little to estimate from.
-    """
+    """Split windows into folds: by records, or by stretches where one record holds too many."""
     folds = problem.windows.record % FOLDS
     if np.bincount(folds).max() > MOST_HELD_OUT * folds.size:
         folds = np.arange(folds.size) * min(STRETCHES, folds.size) // folds.size
@@ -33,11 +29,7 @@ def make_folds(problem: EstimationProblem) -> np.ndarray:
 
 @dataclass
 class CrossValidation:
-    """The held-out residuals of a hypothesis, fold by fold.
-
-    `expected` initial states have shape (n_windows, n_states), their standard deviations `spread`
-    (n_states,).
-    """
+    """The held-out residuals of a hypothesis, fold by fold, from expected initial states."""
 
     problem: EstimationProblem
     expected: np.ndarray

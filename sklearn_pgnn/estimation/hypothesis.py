@@ -13,12 +13,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A set of missing effects with their targets, in the order they were found.
-
-    Only the kind and target of each cause matter, not its size. `order` is that in which they
-    apply, which matters where, say, an input both saturates and lags; by default as they were
-    found.
-    """
+    """A set of missing effects by kind and target, as found, and the order in which they apply."""
 
     causes: tuple[Effect, ...] = ()
     order: tuple[Effect, ...] = ()
@@ -73,8 +68,6 @@ def _before(causes: tuple[Effect, ...], cause: Effect, new: Effect) -> tuple[Eff
 def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
     """Return whether two causes give the same model in either order, as with two targets.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects import ActuatorLag, InputDelay, InputSaturation
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> cart, lag = cart_on_spring(), ActuatorLag("force")
@@ -98,8 +91,6 @@ def sensors_last(model: PhysicsModel, causes: tuple[Effect, ...]) -> tuple[Effec
 
     A sensor shows what all other causes make of the rate.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects import CoulombFriction, SensorGain
     >>> fall = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, {"a": "der(v)"})
     >>> [each.id for each in sensors_last(fall, (SensorGain("a"), CoulombFriction("v")))]

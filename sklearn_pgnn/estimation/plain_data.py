@@ -7,10 +7,7 @@ from typing import Any
 
 
 def plain(value: Any) -> dict:
-    """Return a result as what JSON holds; a number that is not finite becomes None.
-
-    The result is a dataclass or a NamedTuple.
-    """
+    """Return a dataclass or NamedTuple as what JSON holds; a number that is not finite is None."""
     return finite(value._asdict() if hasattr(value, "_asdict") else asdict(value))
 
 

@@ -36,10 +36,7 @@ def number_at(expression: sympy.Expr, point: Mapping[sympy.Symbol, sympy.Float])
 
 
 def _evaluate(expression: sympy.Basic, known: dict[sympy.Basic, Value]) -> Value:
-    """Evaluate an expression of functions in the table or outside, noting it; None for any other.
-
-    What is shared by expressions is evaluated once.
-    """
+    """Evaluate an expression of functions in the table or outside, once; None for any other."""
     if expression in known:
         return known[expression]
     if not expression.args:

@@ -19,11 +19,7 @@ def possible_causes(
     targets: Collection[str] | None = None,
     each_step: Callable[[], bool | None] = lambda: None,
 ) -> tuple[Effect, ...]:
-    """List the causes of a catalogue that a model does not already hold.
-
-    An effect that already extends the model is not a candidate; only its parameters can be wrong.
-    Those that are left where `each_step` returns true are not listed.
-    """
+    """List the causes of a catalogue that a model does not hold, where `each_step` lets."""
     listed = takewhile(lambda _: not each_step(), _effects_on(model, catalogue, targets))
     return tuple(effect for effect in listed if _is_candidate(model, effect))
 

@@ -92,10 +92,7 @@ class EstimationProblem:
 def build_problem(
     model: PhysicsModel, records: tuple[Record, ...], n_processes: int = 1, **options: Any
 ) -> EstimationProblem:
-    """Cut records into windows and estimate the quantities a diagnosis needs.
-
-    The options are those of `sklearn_pgnn.simulation.record_windows.window_records`.
-    """
+    """Cut records into windows, see `window_records`, and estimate what a diagnosis needs."""
     ground = window_records(model, records, **options)
     windows = ground.windows
     _check_count(windows, options.get("window_length"))
@@ -130,10 +127,7 @@ def _check_count(windows: ShootingWindows, window_length: float | str | None) ->
 
 
 def shorter(problem: EstimationProblem, least: float = SHORTEST) -> EstimationProblem | None:
-    """Return the problem with windows of half the length, or None if they would be too short.
-
-    That is by their samples, or as a share of the dominant period.
-    """
+    """Return the problem with windows of half the length, or None if they would be too short."""
     length = problem.scales.window / 2
     if length < max(problem.min_samples * problem.scales.sample_time, least * problem.period):
         return None
@@ -141,11 +135,7 @@ def shorter(problem: EstimationProblem, least: float = SHORTEST) -> EstimationPr
 
 
 def with_few_samples(problem: EstimationProblem) -> EstimationProblem:
-    """Return the problem whose windows may be as short as their initial states allow.
-
-    Of the values measured in a window, as many must be left to judge by as initial states are
-    fitted.
-    """
+    """Return the problem with windows of as many values to judge by as initial states."""
     return replace(problem, min_samples=max(2 * free_values(problem.prior), LEAST_SAMPLES))
 
 

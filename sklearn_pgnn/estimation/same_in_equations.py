@@ -137,8 +137,6 @@ def expressed_parameters(model: PhysicsModel, terms: tuple[Effect, ...]) -> dict
     A small change of :math:`p` adds :math:`\partial (f, g)/\partial p` to rates and outputs; the
     terms express it if it is a combination of theirs.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects.formula import Formula
     >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"})
     >>> drag = Formula("v", ("v",), (1.0,))

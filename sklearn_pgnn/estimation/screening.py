@@ -29,11 +29,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 @dataclass
 class Screening:
-    """The changes of the outputs by candidates, and the expected gain.
-
-    `windows_of` returns the windows on which a model is fitted; `tick` is called before every
-    simulation.
-    """
+    """The changes of the outputs by candidates, and the expected gain."""
 
     windows_of: Callable[[PhysicsModel], ShootingWindows]
     tick: Callable[[], bool | None] = lambda: None

@@ -13,8 +13,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem, build_problem
 from sklearn_pgnn.simulation.inputs import mean_inputs
 from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
 from sklearn_pgnn.simulation.windows import evaluate
-from sklearn_pgnn.trajectories.gaps import piece_of
-from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.record import Record, piece_of
 
 
 def is_long(problem: EstimationProblem) -> bool:

@@ -16,11 +16,7 @@ BREAKDOWNS = (np.linalg.LinAlgError, FloatingPointError, SimulationError)
 
 
 class Unusable(NamedTuple):
-    """Something that could not be fitted.
-
-    It is a candidate, or a part of the diagnosis; the reason is the error, and the other causes in
-    the model.
-    """
+    """A candidate, or a part of the diagnosis, that could not be fitted, and the reason."""
 
     effect: str
     target: str
@@ -28,10 +24,7 @@ class Unusable(NamedTuple):
 
 
 class FailureLog:
-    """Log of failed fits, with the reasons.
-
-    A hypothesis that was fitted from another start, or later, is not unusable.
-    """
+    """Log of failed fits, with the reasons, that did not succeed from another start or later."""
 
     def __init__(self) -> None:
         self._lost: dict[Any, Unusable] = {}

@@ -45,13 +45,7 @@ USUAL = "in windows of the usual length"
 
 
 class WindowFitter:
-    """Fits hypotheses on all windows of a problem.
-
-    After a numerical failure the fit is `lost_fit`: that hypothesis cannot be used, and nothing
-    else is affected.
-
-    `progress` receives every step of a fit.
-    """
+    """Fits hypotheses on all windows of a problem; one that fails gets `lost_fit` alone."""
 
     def __init__(self, problem: EstimationProblem, progress: Progress | None = None):
         self.problem = problem

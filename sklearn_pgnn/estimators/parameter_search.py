@@ -87,11 +87,7 @@ class Search:
 
 @dataclass(frozen=True)
 class ParameterFit:
-    """A model fitted to records.
-
-    `expected` initial states of the windows have shape (n_windows, n_states), their uncertainty
-    `spread` (n_states,); the windows are in the steps of the fit.
-    """
+    """A model fitted to records, its windows in the steps of the fit, and expected starts."""
 
     fit: WindowFit
     expected: np.ndarray

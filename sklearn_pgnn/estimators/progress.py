@@ -26,10 +26,7 @@ def progress_printer(estimator) -> PrintLine:
 
 @contextmanager
 def progress_display(estimator) -> Iterator[Callable[..., None]]:
-    """Show stages, by a bar in a terminal and by lines elsewhere, if the estimator is verbose.
-
-    Yields a function that is called as ``show(stage, done, total)``.
-    """
+    """Yield ``show(stage, done, total)``: if verbose, a bar in a terminal, else lines."""
     if not estimator.verbose:
         yield silence
         return
@@ -42,10 +39,7 @@ def progress_display(estimator) -> Iterator[Callable[..., None]]:
 
 
 def with_progress(method):
-    """Decorate a method: while it runs, ``self._show`` reports stages to a display and a callback.
-
-    The callback is the parameter ``progress``, where the estimator has one.
-    """
+    """Decorate a method: ``self._show`` reports its stages to a display and ``progress``."""
 
     @wraps(method)
     def shown(self, *args, **kwargs):

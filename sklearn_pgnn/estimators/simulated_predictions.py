@@ -118,13 +118,7 @@ class SimulatingMixin:
 def predict_records_ahead(
     runs: FreeRuns, model: PhysicsModel, records, steps: int, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict states and outputs some samples ahead of the known outputs.
-
-    Return states and outputs of shapes (n_samples, n_states) and (n_samples, n_outputs), finite and
-    in the order of the table's rows: those of `FreeRuns.simulate` where a prediction diverges. One
-    `SimulationWarning` tells of all simulations that fail. For `steps` and `noise` see
-    `sklearn_pgnn.simulation.ahead.predict_ahead`.
-    """
+    """Predict states and outputs ahead; where that diverges they are those of the free run."""
     machines = [model_machine(model, each, **runs.options(each)) for each in records]
     with one_simulation_warning() as failed:
         machines = [replace(each, run=partial(_noted, each, failed)) for each in machines]

@@ -40,12 +40,7 @@ STILL = 1e-9
 def read_library(
     library, names: Sequence[str], degree: int = 2, model: PhysicsModel | None = None
 ) -> tuple[sympy.Expr, ...]:
-    """Return the terms of a library.
-
-    An entry is ``"polynomial"``, ``"fourier"`` (or ``"trigonometric"``), ``"model"`` for the terms
-    of the model, an expression such as ``"tanh(omega/0.02)"``, or an object of pysindy; a list
-    combines them. Each term is there once.
-    """
+    """Return the terms of a library, or of several: names, expressions, objects of pysindy."""
     entries = library if isinstance(library, list | tuple) else [library]
     terms = [term for entry in entries for term in _read_entry(entry, names, degree, model)]
     if not terms:
@@ -109,11 +104,7 @@ def _terms_of_pysindy(library, names) -> list[sympy.Expr]:
 
 
 def term_function(terms, names: Sequence[str]):
-    """Return the function that evaluates terms at samples.
-
-    It takes the values of the quantities, of shape (n_samples, n_names), and the time [s] (0 by
-    default), and returns the terms' values, (n_samples, n_terms), not finite where undefined.
-    """
+    """Return the function of values (n_samples, n_names) and time [s] that evaluates terms."""
     quantities = ["t", *names]
     factors = [_factors(term, quantities) for term in terms]
     others = [term for term, of in zip(terms, factors, strict=True) if of is None]
@@ -199,8 +190,6 @@ def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms:
 
     The ridge penalty `alpha` is per row.
 
-    References
-    ----------
     .. [1] S. L. Brunton, J. L. Proctor, J. N. Kutz, "Discovering governing equations from data by
        sparse identification of nonlinear dynamical systems", PNAS 113(15), 2016,
        :doi:`10.1073/pnas.1517384113`.

@@ -75,12 +75,8 @@ def complete(base: PhysicsModel, library, found, discrete: bool):
 
 
 def equation_texts(left, terms, coefficients) -> list[str]:
-    """Write identified equations as text with four digits.
+    """Write equations with four digits; the coefficients have shape (n_equations, n_terms).
 
-    `left` are the left sides; the coefficients have shape (n_equations, n_terms).
-
-    Examples
-    --------
     >>> x = symbol("x")
     >>> equation_texts(["x'"], [sympy.Integer(1), x, sympy.sin(x) + 1], np.array([[0.5, -2, 1]]))
     ["x' = 0.5 - 2*x + (sin(x) + 1)"]

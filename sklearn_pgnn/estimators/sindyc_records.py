@@ -175,11 +175,7 @@ def step_rows(states: MeasuredStates, library, span: float | None, ends=None, ga
 
 
 def on_even_clock(records, T: float) -> tuple[Record, ...]:
-    """Return records whose times are multiples of a sample interval.
-
-    Only the last digits of their times change. A record that is sampled at other intervals than `T`
-    [s] raises `RecordError`.
-    """
+    """Return records on multiples of an interval [s], or raise `RecordError` if far from it."""
     for record in records:
         uneven = np.flatnonzero(_is_other(np.diff(record.t), T))
         if uneven.size:

@@ -14,10 +14,7 @@ from sklearn_pgnn.trajectories.tables import as_table, is_named, time_name
 
 
 def apart_from(names, columns) -> list[str]:
-    """Return names that no column has, so that none is mistaken for another quantity.
-
-    An underscore is appended to those that a column has.
-    """
+    """Return names that no column has: an underscore is appended to those that one has."""
     found: list[str] = []
     for name in names:
         while name in columns or name in found:
@@ -33,11 +30,7 @@ def is_timed(X, model, time_column) -> bool:
 
 
 def blank_model(X, y, time_column) -> PhysicsModel:
-    """Return a model of names alone, without equations: its states are the columns of y.
-
-    They are constant. X has time and inputs, and in a DataFrame also the states; only states may
-    have gaps.
-    """
+    """Return a model of names alone, without equations, whose states are the columns of y."""
     columns = list(X.columns) if is_named(X) else []
     states = target_names(y, columns=columns)
     if columns:
@@ -76,13 +69,8 @@ def target_names(y, letter: str = "x", columns=()) -> list[str]:
 
 
 def identifiers(called, columns=()) -> list[str]:
-    """Turn column names into distinct names that are valid in an equation.
+    """Turn column names into distinct ones that are valid in an equation and no column's.
 
-    They consist of letters, digits and underscores, and do not begin with a digit; a changed name
-    never equals one of all `columns` of the table.
-
-    Examples
-    --------
     >>> identifiers(["phi", "torque [N m]", "2nd", "sin", "phi"])
     ['phi', 'torque_N_m', 'x2nd', 'sin_', 'phi_']
     """

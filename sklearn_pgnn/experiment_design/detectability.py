@@ -287,8 +287,6 @@ def inject(
     Return X with trajectory, time, inputs, and the initial states where they were known, and y with
     noise: like the residuals of the extended model, with random phases.
 
-    References
-    ----------
     .. [1] J. Theiler et al., "Testing for nonlinearity in time series: the method of surrogate
        data", Physica D 58, 1992, :doi:`10.1016/0167-2789(92)90102-S`.
     """

@@ -22,11 +22,7 @@ from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluat
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of the outputs, in which a signal is to be detected.
-
-    `power` is its variance, and for `counts` and `times` see `Residuals`; all have shape
-    (n_outputs,).
-    """
+    """Noise of the outputs: variance, counts and times as of `Residuals`, (n_outputs,)."""
 
     power: np.ndarray
     counts: np.ndarray
@@ -36,12 +32,7 @@ class Noise:
     def of(
         cls, residual: np.ndarray, segment: np.ndarray, resolution: np.ndarray, white: bool
     ) -> "Noise":
-        """Return the noise with the power and the autocorrelation times of residuals.
-
-        Residuals, of shape (n_samples, n_outputs), are NaN where nothing was measured; for
-        `segment` see `autocorrelation_times`; `resolution` is the numerical one of the simulations,
-        and `white` whether to treat the noise as white.
-        """
+        """Return the noise with the power, not below the resolution, and the times of residuals."""
         counts = np.isfinite(residual).sum(axis=0).astype(float)
         power = np.nansum(residual**2, axis=0) / np.maximum(counts, 1.0) + resolution**2
         ones = np.ones(counts.size)
@@ -78,11 +69,7 @@ class Noise:
         rng: np.random.Generator,
         count: int,
     ) -> np.ndarray:
-        """Draw the noise on top of a signal, and compare the models without and with the signal.
-
-        Return `log_likelihood_ratio` of every draw, of shape (count,); for the arguments see
-        `draws`.
-        """
+        """Return the `log_likelihood_ratio` of models without and with a signal, for every draw."""
         before, after = self._draw_squares(size, along, rng, count)
         counted = self.counts / (2.0 * np.maximum(self._times_with(size, times), self.times))
         measured = (self.counts > 0) & (self.power > 0)
@@ -165,11 +152,7 @@ def strength_along(noise: np.ndarray, signal: np.ndarray, time: float) -> float:
 
 @dataclass(frozen=True)
 class PowerAnalysis:
-    """The fitted model on the records, and the noise, to which effects are added.
-
-    `white` is whether to treat the noise as white; it is drawn `n_repeats` times for each power,
-    with the same seed for every size.
-    """
+    """The fitted model on the records, and the noise, drawn alike for every size of an effect."""
 
     records: DiagnosisRecords
     white: bool

@@ -73,10 +73,7 @@ class Wave:
         return NAMES[self.kind].format(period=period, low=self.low, high=self.high)
 
     def __call__(self, t: ArrayLike, duration: float) -> np.ndarray:
-        """Return the wave over time.
-
-        Times [s] run from 0 to `duration`.
-        """
+        """Return the wave over times [s] from 0 to `duration`."""
         t = np.asarray(t, dtype=float)
         share = t / duration
         if self.kind == "steps":
@@ -237,11 +234,7 @@ def _designs(
 
 
 def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: EachStep) -> FittedWindows:
-    """Fit the model with one cause in the place of another.
-
-    Return the best fit over the starts of the new effect, the other causes as they were fitted and
-    as they begin: beside it they may be others. For `each_step` see `fit_windows`.
-    """
+    """Fit the model with one cause in place of another, the others as fitted and as they begin."""
     problem, prior = records.problem, records.problem.prior
     hypothesis = put_in_place(problem, records.causes, old, new)
     held = held_by(prior, hypothesis)
@@ -269,11 +262,7 @@ def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: EachSte
 def put_in_place(
     problem: EstimationProblem, causes: tuple[Effect, ...], old: Effect, new: Effect
 ) -> Hypothesis:
-    """Return the hypothesis with one cause in the place of another.
-
-    If a later cause could then not act, because the new cause changes its target's equation, the
-    new cause is moved behind it, as late as it can act.
-    """
+    """Return the hypothesis with a cause in place of another, behind what it would prevent."""
     at, models = causes.index(old), HypothesisModels(problem)
     rest = Hypothesis(tuple(cause for cause in causes if cause != old))
     there = rest.plus(new, at)
@@ -314,10 +303,7 @@ def _left(
     u: np.ndarray,
     each_step: EachStep,
 ) -> _Shown | None:
-    """Re-tune a rival to the outputs of a model, and return the residuals.
-
-    None if the outputs leave the range of the records, or if the rival cannot be fitted.
-    """
+    """Re-tune a rival to outputs, and return the residuals; None outside the records' range."""
     bounds = np.array([0, t.size])
     y = np.zeros((t.size, records.windows.y.shape[1]))
     whole = replace(
@@ -445,10 +431,7 @@ def _told(
 
 
 def _repeats(noise: Noise, left: _Shown, n_new: int, needed: float) -> float:
-    """Count how often an experiment must be recorded until one of two causes is refuted.
-
-    The old records, which the two explain alike, count beside the new ones.
-    """
+    """Count how often an experiment is recorded, beside old records, until a cause is refuted."""
     for count in range(1, REPEATS + 1):
         rng, both = np.random.default_rng(0), replace(noise, counts=noise.counts + count * n_new)
         size, along = np.sqrt(count * left.squares), noise.power * noise.times

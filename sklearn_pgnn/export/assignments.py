@@ -15,11 +15,7 @@ from sklearn_pgnn.simulation.source import write_source
 
 @dataclass(frozen=True)
 class Assignments:
-    """Some results of a straight-line function, and the assignments that they depend on.
-
-    `places` has the position of each local name in the arguments, ``("x", 0)`` for the first state;
-    `shared` has expressions that occur in several others, in order.
-    """
+    """Results of a straight-line function, what they share in order, and names' places."""
 
     places: dict[str, tuple[str, int]]
     shared: dict[str, ast.expr]
@@ -39,8 +35,6 @@ class Assignments:
 def rates_of(model: PhysicsModel) -> Assignments:
     """Return the assignments for a model's rates.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> ast.unparse(rates_of(lag).results[0])
     '(u0 - x0) / p0'

@@ -21,12 +21,7 @@ PI, E = "3.141592653589793", "2.718281828459045"
 
 @dataclass
 class CPrinter:
-    """Write expressions in C, and collect the helpers that they call.
-
-    Numbers are ``float`` instead of ``double`` if `single`; `prefix` is the beginning of the
-    helpers' names. `powers` are integer exponents met so far, each of which needs a helper
-    ``power_n``, and `extremes` the helpers met so far, among ``smaller`` and ``larger``.
-    """
+    """Write expressions in C, and collect the powers and extremes whose helpers they call."""
 
     single: bool = False
     prefix: str = ""
@@ -36,8 +31,6 @@ class CPrinter:
     def number(self, value: float) -> str:
         """Return a number's literal, with every digit that the precision holds.
 
-        Examples
-        --------
         >>> CPrinter().number(2), CPrinter(single=True).number(0.1)
         ('2.0', '0.1f')
         """
@@ -50,8 +43,6 @@ class CPrinter:
     def write(self, expression: ast.expr, names: Mapping[str, str]) -> str:
         """Return an expression in C.
 
-        Examples
-        --------
         >>> text = "-a*math.exp(-b**2) - (c - 1)"
         >>> CPrinter().write(ast.parse(text, mode="eval").body, {"a": "level"})
         '-level*exp(-power_2(b)) - (c - 1.0)'
@@ -158,8 +149,6 @@ RESERVED = frozenset({*_KEYWORDS.split(), *_TAKEN.split(), *FUNCTIONS}) | {
 def c_name(text: str) -> str:
     """Return a text as an identifier of C99.
 
-    Examples
-    --------
     >>> c_name("golf robot"), c_name("μ"), c_name("2 tanks")
     ('golf_robot', 'u03bc', 'm2_tanks')
     """
@@ -170,8 +159,6 @@ def c_name(text: str) -> str:
 def c_names(texts: Iterable[str], taken: Collection[str] = RESERVED) -> dict[str, str]:
     """Return a unique identifier for every text, none of them taken.
 
-    Examples
-    --------
     >>> c_names(["x", "x_", "phi", "c0", "double"])
     {'x': 'x_', 'x_': 'x__', 'phi': 'phi', 'c0': 'c0_', 'double': 'double_'}
     """

@@ -211,10 +211,7 @@ class Machine:
 
 
 def machine_of(model, interval, *, precision, parameters, name, method, substeps, hold) -> Machine:
-    """Return a model with its options checked.
-
-    The options are those of `to_c`.
-    """
+    """Return a model with its options, those of `to_c`, checked."""
     check_sample_interval(
         interval,
         remedy="Remedy: to_c(model, 0.01) for a loop that runs a hundred times a second.",
@@ -251,12 +248,8 @@ def render(template: str, content: Mapping[str, Any]) -> str:
 
 
 def comment(text: str, *, lines: bool = False):
-    """Return a text that is safe in a C comment, on one line or several.
+    """Return a text that is safe in a C comment, on one line or with its `lines` as a list.
 
-    With `lines` its lines are kept, as a list.
-
-    Examples
-    --------
     >>> comment("m*/s" + chr(10) + "x")
     'm* /s x'
     """

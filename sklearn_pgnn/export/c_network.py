@@ -27,10 +27,7 @@ _ACTIVATIONS = {
 
 
 def network_content(network, interval, *, precision: str, name: str | None) -> dict[str, Any]:
-    """Return the variables of the network's template.
-
-    An interval [s] of None is that of the training data; `name` is the prefix of all names.
-    """
+    """Return the variables of the template, by default for the training's interval [s]."""
     step = exportable_step(network, "to_c")
     refuse_other_interval(network, interval)
     machine = machine_of(
@@ -82,11 +79,7 @@ def refuse_other_interval(network, interval) -> None:
 
 
 def exportable_step(network, what: str) -> NetworkStep:
-    """Return the elements of a trained network's step, including its core.
-
-    The network must be trained on trajectories, and neither be dissipative nor have a user-defined
-    core; `what` is the task that needs the step, for the error message.
-    """
+    """Return the elements of a trained network's step, or refuse one that a task cannot do with."""
     if getattr(network, "model_", None) is None or not hasattr(network, "step_"):
         raise ModelError(
             f"{what}: expected a network that is trained on trajectories, got one without. "
@@ -153,10 +146,7 @@ def _numbers(machine: Machine, network, step: NetworkStep) -> dict[str, Any]:
 
 
 def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
-    """Return the weights of a feed-forward network, layer by layer.
-
-    A layer has ``weights`` and ``bias``.
-    """
+    """Return the ``weights`` and ``bias`` of a feed-forward network, layer by layer."""
     found, place, theta = [], 0, weights_of(core)
     for n_in, n_out in pairwise(step.sizes):
         bias = place + n_in * n_out
@@ -167,10 +157,7 @@ def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
 
 
 def unit_of(step: NetworkStep, core) -> dict[str, np.ndarray]:
-    """Return the weights of a recurrent network by name.
-
-    They are ``by_input``, ``by_hidden``, ``bias_input``, ``bias_hidden``, ``read`` and ``bias``.
-    """
+    """Return the weights of a recurrent network by name, as the template has them."""
     n_in, n, n_out = step.sizes
     shapes = {
         "by_input": (3 * n, n_in),

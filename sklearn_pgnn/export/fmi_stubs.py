@@ -94,8 +94,6 @@ _NO_INSTANCE = {
 def fmi_stubs(fmi: int, exchanges: bool = False) -> list[dict]:
     """Return the functions that only report that they are not supported.
 
-    Examples
-    --------
     >>> fmi_stubs(2)[0]["taken"]
     'const void *a0, int a1, size_t a2, const void *a3'
     """

@@ -22,12 +22,7 @@ VERSIONS = {2: ("2.0", "linux64"), 3: ("3.0", "x86_64-linux")}
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a unit.
-
-    Causality and variability are as defined by FMI; `where` is its place in the C source, `room`
-    the letter of its kind, ``p``, ``u``, ``y``, ``x``, ``r`` (a rate) or ``t``, and `place` its
-    index among the variables of its kind.
-    """
+    """A variable as FMI defines it, its C name, the letter of its kind, and its index."""
 
     reference: int
     name: str

@@ -23,8 +23,6 @@ _ENDS = {sympy.Max: "upper", sympy.Min: "lower"}
 def stop_in(factor: sympy.Expr, q: sympy.Symbol) -> tuple[str, float] | None:
     r"""Return which end :math:`\max(q - q_+, 0)` or :math:`\min(q - q_-, 0)` is of, and where.
 
-    Examples
-    --------
     >>> q = sympy.Symbol("q", real=True)
     >>> stop_in(sympy.Max(q - 0.5, 0), q), stop_in(sympy.Min(q + 2, 0), q), stop_in(q, q)
     (('upper', 0.5), ('lower', -2.0), None)

@@ -14,10 +14,7 @@ _FUNCTIONS = {
 
 
 class Graph:
-    """An ONNX graph: nodes, constants and the names of both.
-
-    Numbers are ``float`` instead of ``double`` if `single`.
-    """
+    """An ONNX graph in double or single precision: nodes, constants and their names."""
 
     def __init__(self, single: bool):
         self.kind = np.float32 if single else np.float64
@@ -25,17 +22,11 @@ class Graph:
         self.constants: list = []
 
     def add(self, operation: str, *parts, **attributes) -> "Value":
-        """Add a node.
-
-        The operation has its ONNX name; `attributes` are its further settings.
-        """
+        """Add a node with an ONNX operation and its settings."""
         return self.add_several(operation, parts, 1, **attributes)[0]
 
     def add_several(self, operation: str, parts, count: int, **attributes) -> list["Value"]:
-        """Add a node with several results.
-
-        See `add`; `count` is how many results it has.
-        """
+        """Add a node with several results."""
         from onnx import helper
 
         names = [self._name(part) for part in parts]
@@ -51,10 +42,7 @@ class Graph:
         return self.add_several("Split", [value, sizes], count, axis=1)
 
     def constant(self, values) -> "Value":
-        """Add an array of constants.
-
-        Integers are kept; other numbers are converted to the precision of the graph.
-        """
+        """Add an array of constants: integers, or numbers in the graph's precision."""
         from onnx import numpy_helper
 
         values = np.asarray(values)

@@ -110,10 +110,7 @@ def _refuse_events(step: NetworkStep, prior_as_input: bool) -> None:
 
 
 class _Step(Graph):
-    """The graph of one step.
-
-    The width of each of its inputs is stored by name in `sizes`.
-    """
+    """The graph of one step, with the width of each input by name."""
 
     def __init__(self, network, step: NetworkStep, interval, precision, prior_as_input):
         super().__init__(precision == "single")

@@ -23,8 +23,6 @@ from sklearn_pgnn.simulation.substeps import MAX_SUBSTEPS, STABLE
 def explicit_substeps(model: PhysicsModel, substeps: int | None, interval: float | None) -> int:
     """Return the steps as given, else as in the model, else enough to be stable at its start.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 0.01}, {"u": "V"})
     >>> explicit_substeps(lag, None, 0.001), explicit_substeps(lag, None, 0.05)
     (1, 3)
@@ -51,11 +49,7 @@ def explicit_substeps(model: PhysicsModel, substeps: int | None, interval: float
 
 @dataclass(frozen=True)
 class LateInput:
-    """An input that acts with a delay.
-
-    `place` is its index among the inputs. The delay has :math:`n` whole `samples`, and a remainder
-    :math:`w`, its `share` of the sample interval.
-    """
+    """An input by its place, late by so many whole samples and a share of one."""
 
     name: str
     place: int
@@ -66,8 +60,6 @@ class LateInput:
 def late_inputs(model: PhysicsModel, interval: float) -> list[LateInput]:
     """Return the delayed inputs of a model.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects import InputDelay
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> late_inputs(cart_on_spring() + InputDelay("force", delay=0.625), 0.25)
@@ -85,8 +77,6 @@ def late_inputs(model: PhysicsModel, interval: float) -> list[LateInput]:
 def past_names(late: list[LateInput]) -> list[str]:
     """Return the names of the past samples that a step needs.
 
-    Examples
-    --------
     >>> past_names([LateInput("force", 0, 1, 0.5)])
     ['force_1_ago', 'force_2_ago']
     """
@@ -94,12 +84,8 @@ def past_names(late: list[LateInput]) -> list[str]:
 
 
 def acting_inputs(late: list[LateInput], past, u) -> tuple[list, list]:
-    """Return the acting inputs, and the past samples of the delayed ones at the next sample.
+    """Return the acting inputs, and the next past samples in the order of `past_names`.
 
-    The past samples are in the order of `past_names`.
-
-    Examples
-    --------
     >>> acting_inputs([LateInput("force", 0, 1, 0.5)], [3.0, 5.0], [1.0])
     ([4.0], [1.0, 3.0])
     """

@@ -27,12 +27,7 @@ _CONSTANTS = {"pi": 3.141592653589793, "e": 2.718281828459045}
 
 
 class SymbolicMachine:
-    """A model over symbols that support Python's operators.
-
-    `function` returns the library's function by its name in C, and ``fmin``, ``fmax`` and
-    ``if_else``. Parameters that are `free` are symbols instead of numbers. `friction_width` is the
-    speed over which the jump of dry friction is smoothed; without it there must be no dry friction.
-    """
+    """A model over symbols of a library, whose functions `function` returns by name in C."""
 
     def __init__(
         self,
@@ -47,25 +42,15 @@ class SymbolicMachine:
         self._rates, self._outputs = rates_of(model), outputs_of(model)
 
     def rates(self, t, x: Sequence, u: Sequence) -> list:
-        """Return the rates.
-
-        `u` are inputs as they act.
-        """
+        """Return the rates under inputs as they act."""
         return self._evaluate(self._rates, t, x, u)
 
     def outputs(self, t, x: Sequence, u: Sequence) -> list:
-        """Return the outputs.
-
-        `u` are inputs as they act.
-        """
+        """Return the outputs under inputs as they act."""
         return self._evaluate(self._outputs, t, x, u)
 
     def next_sample(self, t, interval: float, substeps: int, x, u, u_next) -> list:
-        """Return the states one sample later, by Runge-Kutta steps of order four.
-
-        The interval is in seconds; `u` and `u_next` are inputs as they act, at the beginning and at
-        the end of a linear interpolation.
-        """
+        """Return the states an interval [s] later, by Runge-Kutta steps of order four."""
         h = interval / substeps
         for k in range(substeps):
             start, end = (self._between(u, u_next, (k + i) / substeps) for i in (0, 1))

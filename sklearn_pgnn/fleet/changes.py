@@ -77,8 +77,6 @@ def chance_of(quantity: Quantity) -> float:
 
     .. math:: p = 2\,\Phi\!\left(-\frac{|a - b|}{\sqrt{s_a^2 + s_b^2}}\right)
 
-    Examples
-    --------
     >>> round(chance_of(Quantity("m", "kg", (2.0, 1.9, 2.1), (2.0, 1.8, 2.2))), 3)
     1.0
     >>> chance_of(Quantity("m", "kg", (2.0, 1.9, 2.1), (3.0, 2.9, 3.1))) < 1e-9

@@ -28,13 +28,7 @@ OURS = ("sklearn_pgnn.", "builtins", "abc")
 
 
 def content_key(*parts: str | bytes) -> str:
-    """Return one hash of several parts.
-
-    Examples
-    --------
-    >>> content_key("ab", "c") == content_key("a", "bc")
-    False
-    """
+    """Return one hash of several parts."""
     whole = hashlib.sha256()
     for part in parts:
         whole.update(hashlib.sha256(part.encode() if isinstance(part, str) else part).digest())
@@ -42,10 +36,7 @@ def content_key(*parts: str | bytes) -> str:
 
 
 def setting_key(model: PhysicsModel, options: Mapping) -> str:
-    """Return the hash of what all machines share: model, options and the package's version.
-
-    An option of `ModelDiagnosis` must consist of numbers or texts, to be identified.
-    """
+    """Return the hash of what all machines share: model, options and the package's version."""
     said = {name: value for name, value in options.items() if name not in HOW}
     catalogue = said.pop("catalogue", None)
     effects = () if catalogue is None else map(_effect_key, read_catalogue(catalogue))

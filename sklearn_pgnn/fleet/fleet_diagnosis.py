@@ -158,11 +158,10 @@ class FleetDiagnosis(BaseEstimator):
         self._tell(len(machines), len(jobs))
         self.computed_ = tuple(left)
         for outcome in self._run(left, options, with_page=store is not None):
+            name = outcome.machine.name
             if store and outcome.is_final:
-                store.save(outcome, keys[outcome.name])
-            machines[outcome.name] = Machine(
-                outcome.name, outcome.found, outcome.failed, outcome.seconds, outcome.warned
-            )
+                store.save(outcome, keys[name])
+            machines[name] = outcome.machine
             self._tell(len(machines), len(jobs))
         self._conclude(machines, before)
         if store:

@@ -90,8 +90,6 @@ class Machine:
 def acts(cause: Mapping) -> float:
     """Return the probability that a cause of `ModelDiagnosis.to_dict`, or a rival of it, acts.
 
-    Examples
-    --------
     >>> acts({"probability": 0.5, "confused_with": [{"probability": 0.25}]})
     0.75
     >>> acts({"probability": None, "confused_with": []})  # provisional
@@ -139,8 +137,6 @@ class FleetCause:
 def common_causes(machines: Iterable[Machine]) -> tuple[FleetCause, ...]:
     """Return the causes that are named in a fleet, the most frequent first.
 
-    Examples
-    --------
     >>> found = {"verdict": "cause_named", "gain": {}, "causes": [
     ...     {"effect": "input_bias", "target": "F", "probability": 1.0, "confused_with": []}]}
     >>> (bias,) = common_causes([Machine(str(k), found) for k in range(9)])

@@ -27,20 +27,10 @@ MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "e
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of one machine, as returned by a worker.
+    """What a worker returns of a machine; it `is_final` if the same records would give it again."""
 
-    `found` is the result of `ModelDiagnosis.to_dict`; where there is none, `failed` says why. It
-    `is_final` if the same records would give the same outcome again, which they may not after a
-    bug. `seconds` are processor time; the extended model is a model file, and the page the report
-    as HTML.
-    """
-
-    name: str
-    found: dict | None
-    failed: str = ""
-    is_final: bool = True
-    seconds: float = 0.0
-    warned: tuple[str, ...] = ()
+    machine: Machine
+    is_final: bool
     extended_model: str = field(default="", repr=False)
     page: str = field(default="", repr=False)
 
@@ -57,31 +47,30 @@ class Job:
     def run(self, name: str, records: tuple | list[str]) -> Outcome:
         """Diagnose a machine by its (X, y) or its files; an error ends this machine only."""
         end_with_parent()
-        began = time.process_time()
+        began, found, failed, is_final, written = time.process_time(), None, "", True, ("", "")
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("ignore")
             warnings.simplefilter("always", RecordWarning)
             warnings.simplefilter("always", DiagnosisWarning)
             try:
-                parts = self._diagnose(records)
+                found, written = self._diagnose(records)
             except UNUSABLE as error:
-                parts = {"found": None, "failed": str(error)}
+                failed = str(error)
             except Exception as error:
-                said = f"a bug in sklearn-pgnn, {type(error).__name__}: {error}"
-                parts = {"found": None, "failed": said, "is_final": False}
-        if any(issubclass(warning.category, DiagnosisWarning) for warning in told):
-            parts["is_final"] = False
+                failed, is_final = f"a bug in sklearn-pgnn, {type(error).__name__}: {error}", False
+        is_final = is_final and not any(issubclass(w.category, DiagnosisWarning) for w in told)
         warned = tuple(dict.fromkeys(str(warning.message) for warning in told))
-        return Outcome(name, seconds=time.process_time() - began, warned=warned, **parts)
+        machine = Machine(name, found, failed, time.process_time() - began, warned)
+        return Outcome(machine, is_final, *written)
 
-    def _diagnose(self, records: tuple | list[str]) -> dict:
+    def _diagnose(self, records: tuple | list[str]) -> tuple[dict, tuple[str, str]]:
+        """Return the diagnosis as plain data, and the files of its extended model and its page."""
         files = records if isinstance(records, list) else []
         X, y = read_files(files, self.model, self.sample_time) if files else records
         diagnosis = ModelDiagnosis(self.model, **{**self.options, "n_jobs": 1}).fit(X, y)
         page = render_report(diagnosis, Provenance.of_files(None, files)) if self.with_page else ""
         model = file_of(diagnosis.extended_model_) if self.with_page else ""
-        found = {**diagnosis.to_dict(), "version": __version__}
-        return {"found": found, "extended_model": model, "page": page}
+        return {**diagnosis.to_dict(), "version": __version__}, (model, page)
 
 
 class Store:
@@ -112,18 +101,19 @@ class Store:
 
     def save(self, outcome: Outcome, key: str) -> None:
         """Save the outcome of a machine; it counts as finished with the last file."""
-        place = self.place(outcome.name)
+        machine = outcome.machine
+        place = self.place(machine.name)
         place.mkdir(parents=True, exist_ok=True)
         remove_leftovers(place)
         (place / FINISHED).unlink(missing_ok=True)
         for name in (PAGE, MODEL, FILE):
             (place / name).unlink(missing_ok=True)
-        if outcome.found is not None:
+        if machine.found is not None:
             write_whole(place / PAGE, outcome.page)
             write_whole(place / MODEL, outcome.extended_model)
-            write_whole(place / FILE, as_strict_json(outcome.found))
-        about = {"machine": outcome.name, "key": key, "seconds": outcome.seconds}
-        about |= {"failed": outcome.failed, "warned": outcome.warned}
+            write_whole(place / FILE, as_strict_json(machine.found))
+        about = {"machine": machine.name, "key": key, "seconds": machine.seconds}
+        about |= {"failed": machine.failed, "warned": machine.warned}
         write_whole(place / FINISHED, as_strict_json(about))
 
 

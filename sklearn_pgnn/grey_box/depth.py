@@ -10,8 +10,10 @@ import pandas as pd
 from sklearn.base import clone
 
 from sklearn_pgnn.estimators import PhysicsModelRegressor
-from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning
+from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning, TrainingError
 from sklearn_pgnn.grey_box.initial_state import find_initial_state
+from sklearn_pgnn.grey_box.options import NETWORKS, network_or_default
+from sklearn_pgnn.grey_box.remarks import warn_of_training
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual
 from sklearn_pgnn.model_selection.outer_estimator import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -25,11 +27,9 @@ ENOUGH = 2000
 
 @dataclass(frozen=True)
 class FittedDepth:
-    """A fitted depth.
+    """An estimator that predicts, the fitted physical model in it, and its initial states.
 
-    `physics` is the fitted physical model in the estimator that predicts; `starts`, of shape
-    (n_trajectories, n_states), are initial states of the model, NaN for trajectories of which the
-    fit saw nothing.
+    These have the shape (n_trajectories, n_states), NaN where the fit saw nothing.
     """
 
     estimator: Any
@@ -78,17 +78,17 @@ class FittedDepth:
 
 
 def fit_physics(
-    model: PhysicsModel, table: PlainTable, visible: np.ndarray, n_jobs=None, *, free=None
+    depth: str, model: PhysicsModel, table: PlainTable, visible: np.ndarray, n_jobs=None
 ) -> FittedDepth:
-    """Fit a model to the visible samples, in free run over whole trajectories.
+    """Fit a physical depth to the visible samples, in free run over whole trajectories.
 
-    The values of the model are the start. `visible` is a mask of shape (n_samples,); inputs are
-    always seen. By default all parameters are `free` that are not fixed.
+    Of the prior, only the initial states of the trajectories are fitted; inputs are always seen.
     """
+    free = () if depth == "prior" else None
     regressor = PhysicsModelRegressor(
         model, free=free, search="local", window_length="trajectory", n_jobs=n_jobs
     )
-    seen = _seen(table, visible)
+    seen = _last_seen(table, visible) >= 0
     starts = starts_for(model, table)
     rows = np.repeat(seen, table.lengths)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
@@ -100,27 +100,45 @@ def fit_physics(
 
 
 def fit_network(
-    network, physics: FittedDepth, table: PlainTable, visible: np.ndarray, *, sees_inputs=True
+    network, depth: str, physics: FittedDepth, table: PlainTable, visible: np.ndarray
 ) -> FittedDepth:
     """Train a network, or another regressor with a model, on the error of a fitted model.
 
     Samples after a trajectory's last visible measurement are left out: they carry no information,
     and a network that holds out the end of its records for early stopping would find nothing there.
-
-    The network, or an estimator in it, has a parameter ``model``; `physics` is fitted to the same
-    samples, those `visible` in a mask of shape (n_samples,).
     """
-    rows = _until_last_seen(table, visible)
+    rows = table.place <= _last_seen(table, visible)[table.X["trajectory"]]
     y = np.where(visible[:, None], table.y, np.nan)[rows]
     # a plain table calls the time "t"
     settings: dict[str, Any] = {"model": physics.model, "time_column": None}
-    if not sees_inputs:
+    if depth == "state_network":
         settings["sees"] = list(physics.model.states)
     trained = clone(network)
     for name, value in settings.items():
         trained.set_params(**dict.fromkeys(parameters_named(trained, name), value))
     trained.fit(table.starting(physics.model, physics.starts, rows), y)
     return FittedDepth(trained, physics.physics, physics.starts)
+
+
+def fit_chosen(
+    depth: str,
+    base: str,
+    candidates: dict[str, PhysicsModel],
+    network,
+    table: PlainTable,
+    n_jobs: int | None = None,
+) -> tuple[str, FittedDepth]:
+    """Fit a depth to all samples; the base below a network whose training fails, instead of it."""
+    everything = np.ones(len(table.X), dtype=bool)
+    physical = base if depth in NETWORKS else depth
+    fitted = fit_physics(physical, candidates[physical], table, everything, n_jobs)
+    if depth not in NETWORKS:
+        return depth, fitted
+    try:
+        return depth, fit_network(network_or_default(network), depth, fitted, table, everything)
+    except TrainingError as error:
+        warn_of_training(error, depth, base)
+        return base, fitted
 
 
 def states_met(fitted: FittedDepth, table: PlainTable) -> np.ndarray:
@@ -143,11 +161,7 @@ def find_unknown_starts(
     window: int,
     noise: np.ndarray,
 ) -> np.ndarray:
-    """Return initial states, unknown ones estimated from a trajectory's first measured samples.
-
-    They are estimated with the predicting estimator itself: a network's training error says how
-    close its own run comes to the measurements, not that of the model in it.
-    """
+    """Return initial states, unknown ones estimated from first samples by what predicts."""
     if not window:
         return usual(fitted.model, known)
     found = []
@@ -156,16 +170,6 @@ def find_unknown_starts(
         run = partial(fitted.predict_from_each, table.X[rows])
         found.append(find_initial_state(run, told, table.y[rows], met, noise))
     return np.array(found)
-
-
-def _seen(table: PlainTable, visible) -> np.ndarray:
-    """Return which trajectories have a visible measurement."""
-    return _last_seen(table, visible) >= 0
-
-
-def _until_last_seen(table: PlainTable, visible) -> np.ndarray:
-    """Return the rows up to the last visible measurement of every trajectory."""
-    return table.place <= _last_seen(table, visible)[table.X["trajectory"]]
 
 
 def _last_seen(table: PlainTable, visible) -> np.ndarray:

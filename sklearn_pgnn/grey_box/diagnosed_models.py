@@ -9,10 +9,12 @@ from sklearn.base import clone
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import DiagnosisWarning
-from sklearn_pgnn.grey_box.default_parts import diagnosis_or_default
+from sklearn_pgnn.grey_box.options import diagnosis_or_default
 from sklearn_pgnn.grey_box.tables import PlainTable
-from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
 from sklearn_pgnn.grey_box.time_limit import TimeLimit
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.user_line import warn_user
 
@@ -21,23 +23,13 @@ Show = Callable[..., None]
 
 
 def prepare_diagnosis(diagnosis, model: PhysicsModel, time: TimeLimit, *, judges_new_records: bool):
-    """Return the diagnosis to be made of the prior.
-
-    It is a copy, not fitted. `judges_new_records` is whether folds hide whole trajectories; if not,
-    the default settings leave out functions of the time.
-    """
+    """Return an unfitted diagnosis, without functions of time that no fold can judge."""
     own: dict[str, Any] = {"model": model, "time_column": None, "n_jobs": None}
     if diagnosis is None and not judges_new_records:
         own["catalogue"] = time_invariant_causes(model)
     own["compare_records"] = False  # nobody says of a new record to which group it belongs
     prepared = clone(diagnosis_or_default(diagnosis, model))
     return prepared.set_params(**own, time_limit=time.of_diagnosis(prepared.time_limit))
-
-
-def threads_of(diagnosis: ModelDiagnosis | None, n_jobs: int | None) -> int | None:
-    """Return the ``n_jobs`` of a recipe, or that of a given diagnosis if it has its own."""
-    own = None if diagnosis is None else diagnosis.n_jobs
-    return n_jobs if own is None else own
 
 
 def diagnose(
@@ -47,11 +39,7 @@ def diagnose(
     n_jobs: int | None,
     show: Show | None = None,
 ) -> ModelDiagnosis:
-    """Diagnose the prior, see `prepare_diagnosis`; fitted in place unless its result is kept.
-
-    A result that lacks a stage which failed is used, but not kept. `show` is told of the stages,
-    unless the diagnosis has a callable of its own.
-    """
+    """Diagnose the prior, in place unless its result is kept, as none with a failed stage is."""
     X = table.starting(diagnosis.model, table.told)
     kept = memory.cache(_diagnosed, ignore=["n_jobs", "show"])
     try:
@@ -90,3 +78,27 @@ def diagnosed_models(
     if part is not None and (may_be_timed or not depends_on_time(part.model)):
         models["formula"] = part.model
     return models
+
+
+# -- functions of the time alone: they describe how one record went, not the machine ---------------
+
+
+def depends_on_time(model: PhysicsModel) -> bool:
+    """Return whether the time itself stands in a model's equations or outputs.
+
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> depends_on_time(lag), depends_on_time(lag.replace(equations={"y": "(u - y)/T + t"}))
+    (False, True)
+    """
+    return any(TIME in e.free_symbols for e in (*model.equations.values(), *model.outputs.values()))
+
+
+def time_invariant_causes(model: PhysicsModel) -> tuple[type[Effect], ...]:
+    """Return the effects of the catalogue that make no model depend on the time that did not."""
+    if depends_on_time(model):
+        return tuple(CATALOGUE)
+    return tuple(
+        kind
+        for kind in CATALOGUE
+        if not any(depends_on_time(kind(target).apply(model)) for target in kind.targets(model))
+    )

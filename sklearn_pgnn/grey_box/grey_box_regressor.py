@@ -11,27 +11,30 @@ from sklearn.utils.validation import check_is_fitted, check_memory
 
 from sklearn_pgnn.annotations import Column, Table
 from sklearn_pgnn.estimators.progress import progress_printer, silence, with_progress
+from sklearn_pgnn.estimators.simulated_predictions import SimulatingMixin
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.grey_box.cross_validation import check_window, is_unseen, training_error
-from sklearn_pgnn.grey_box.default_parts import (
-    diagnosis_or_default,
-    network_as_trained,
-    network_or_default,
+from sklearn_pgnn.grey_box.cross_validation import (
+    DepthJudge,
+    check_window,
+    is_unseen,
+    training_error,
 )
-from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
-from sklearn_pgnn.grey_box.depth_fits import fit_chosen
-from sklearn_pgnn.grey_box.depth_warnings import warn_if_useless, warn_of_no_finding
+from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, fit_chosen, states_met
 from sklearn_pgnn.grey_box.diagnosed_models import (
     diagnose,
     diagnosed_models,
     prepare_diagnosis,
-    threads_of,
 )
-from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
-from sklearn_pgnn.grey_box.judged_depths import DepthJudge
-from sklearn_pgnn.grey_box.options import check_options
-from sklearn_pgnn.grey_box.possible_depths import DIAGNOSED, NETWORKS
-from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
+from sklearn_pgnn.grey_box.folds import hidden_parts
+from sklearn_pgnn.grey_box.options import (
+    DIAGNOSED,
+    NETWORKS,
+    check_options,
+    diagnosis_or_default,
+    network_as_trained,
+    network_or_default,
+)
+from sklearn_pgnn.grey_box.remarks import warn_if_useless, warn_of_no_finding, warn_of_spreads
 from sklearn_pgnn.grey_box.tables import PlainTable, plain_table, starts_for, usual_starts
 from sklearn_pgnn.grey_box.time_limit import TimeLimit, said_of
 from sklearn_pgnn.model_selection.search_space import searched_parts
@@ -56,7 +59,7 @@ if TYPE_CHECKING:
     from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 
-class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
+class GreyBoxRegressor(MultiOutputMixin, SimulatingMixin, GapScoreMixin, BaseEstimator):
     r"""Grey-box model: as much physics as the records support, and a network only if it helps.
 
     .. math:: \hat e_d = \exp \frac{1}{n} \sum_{f, r} \log e_{d, f, r}, \qquad
@@ -344,61 +347,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         records, table = self._read_new(X)
         self._warn_of_missing_starts(records)
         starts = usual_starts(self.model_, table)
-        return self._as_given(records, self._fitted.predict(table, starts))
-
-    def predict_states(self, X: Table) -> np.ndarray:
-        """Simulate the states of every trajectory in free run from its initial state.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            States of `model_`.
-
-        Raises
-        ------
-        AttributeError
-            If a user-defined `network` without ``predict_states`` was chosen.
-        """
-        records, table = self._read_new(X)
-        self._warn_of_missing_starts(records)
-        started = table.starting(self.model_, usual_starts(self.model_, table))
-        return rows_in_order(records, self.estimator_.predict_states(started))
-
-    def predict_ahead(self, X: Table, y: Table, steps: int = 1) -> np.ndarray:
-        """Predict every sample from the outputs up to `steps` samples before it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none; the state is estimated from them by a
-            Kalman filter.
-        steps : int, default=1
-            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
-            free run.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-
-        Raises
-        ------
-        OptionError
-            If `steps` is not an integer of at least 1.
-        AttributeError
-            If a user-defined `network` without ``predict_ahead`` was chosen.
-        """
-        records, table = self._read_new(X, y, to_fit=False)
-        started = table.starting(self.model_, usual_starts(self.model_, table))
-        ahead = self.estimator_.predict_ahead(started, table.y, steps)
-        return self._as_given(records, np.asarray(ahead).reshape(table.y.shape))
+        return self._shaped(rows_in_order(records, self._fitted.predict(table, starts)))
 
     def predict_from(self, X: Table, y: Table) -> np.ndarray:
         """Simulate every trajectory from an initial state fitted to its first measured samples.
@@ -433,7 +382,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         starts = find_unknown_starts(
             self._fitted, table, known, self._met, self.initial_window, self._noise
         )
-        return self._as_given(records, self._fitted.predict(table, starts))
+        return self._shaped(rows_in_order(records, self._fitted.predict(table, starts)))
 
     def predict_interval(
         self, X: Table, coverage: float = 0.9, y: Table = None
@@ -471,6 +420,20 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         predicted = self.predict(X) if y is None else self.predict_from(X, y)
         return interval_around(predicted, quantile_of(self._left, coverage))
 
+    # -- what `SimulatingMixin` asks for -----------------------------------------------------------
+
+    def _states_of(self, X) -> np.ndarray:
+        records, table = self._read_new(X)
+        self._warn_of_missing_starts(records)
+        started = table.starting(self.model_, usual_starts(self.model_, table))
+        return rows_in_order(records, self.estimator_.predict_states(started))
+
+    def _outputs_ahead(self, X, y, steps: int) -> np.ndarray:
+        records, table = self._read_new(X, y, to_fit=False)
+        started = table.starting(self.model_, usual_starts(self.model_, table))
+        ahead = self.estimator_.predict_ahead(started, table.y, steps)
+        return rows_in_order(records, np.asarray(ahead).reshape(table.y.shape))
+
     # -- reading -----------------------------------------------------------------------------------
 
     def _read(self, X, y=None, *, to_fit=True) -> tuple[tuple, PlainTable]:
@@ -484,11 +447,6 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_is_fitted(self)
         return self._read(validate_table(self, X, reset=False), y, to_fit=to_fit)
 
-    def _as_given(self, records, outputs) -> np.ndarray:
-        """Return outputs in the order of the rows of X and in the shape of y."""
-        ordered = rows_in_order(records, outputs)
-        return ordered.ravel() if self._single_output else ordered
-
     # -- fitting -----------------------------------------------------------------------------------
 
     def _candidates(self, depths, table, time, *, judges_new_records) -> dict[str, PhysicsModel]:
@@ -497,7 +455,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         if set(DIAGNOSED) & set(depths):
             whole = {"judges_new_records": judges_new_records}
             self.diagnosis_ = prepare_diagnosis(self.diagnosis, self.model, time, **whole)
-            kept, n_jobs = check_memory(self.memory), threads_of(self.diagnosis, self.n_jobs)
+            own, kept = getattr(self.diagnosis, "n_jobs", None), check_memory(self.memory)
+            n_jobs = self.n_jobs if own is None else own
             self.diagnosis_ = diagnose(self.diagnosis_, table, kept, n_jobs, self._show)
             warn_of_spreads(self.model, self.diagnosis_.extended_model_)
             models |= diagnosed_models(self.diagnosis_, self.model, **whole)
@@ -508,17 +467,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def _judge(self, table, folds, time) -> DepthJudge:
         """Return what cross-validates the depths."""
-        kept, print_line = check_memory(self.memory), progress_printer(self)
-        return DepthJudge(
-            table,
-            folds,
-            self.initial_window,
-            self.n_jobs,
-            kept,
-            print_line,
-            self._show or silence,
-            time,
-        )
+        kept, shown = check_memory(self.memory), (progress_printer(self), self._show or silence)
+        return DepthJudge(table, folds, self.initial_window, self.n_jobs, kept, *shown, time)
 
     def _tell(self, fitted: FittedDepth, table) -> None:
         """Keep what the chosen depth, fitted to all records, tells."""

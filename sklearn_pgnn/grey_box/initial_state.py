@@ -39,17 +39,16 @@ def find_initial_state(
     tried = beginning.places(met[:: max(1, len(met) // TRIED)])
     costs = np.sum(beginning.left(tried) ** 2, axis=1)
     best = tried[np.argsort(costs, kind="stable")[:FOLLOWED]]
-    fits = [least_squares(beginning.left_of_one, z, jac=beginning.slopes) for z in best]
+    fits = [
+        least_squares(lambda place: beginning.left(place[None])[0], z, jac=beginning.slopes)
+        for z in best
+    ]
     return beginning.states(min(fits, key=lambda fit: fit.cost).x[None])[0]
 
 
 @dataclass(frozen=True)
 class _Beginning:
-    """Residuals at a trajectory's start by its unknown states, scaled deviations from their mean.
-
-    `centre` and `spread`, of shape (n_states,), are the mean and standard deviation of the states
-    reached in training; for the other arguments see `find_initial_state`.
-    """
+    """Residuals at a start by its unknown states, as deviations from their mean in training."""
 
     run: Callable[[np.ndarray], np.ndarray]
     told: np.ndarray
@@ -74,10 +73,6 @@ class _Beginning:
         error = (self.run(self.states(places)) - np.where(measured, self.y, 0.0)) / self.noise
         error = np.nan_to_num(np.where(measured, error, 0.0), nan=FAR, posinf=FAR, neginf=-FAR)
         return np.column_stack([error.reshape(len(places), -1), places])
-
-    def left_of_one(self, place: np.ndarray) -> np.ndarray:
-        """Return the residuals of one start."""
-        return self.left(place[None])[0]
 
     def slopes(self, place: np.ndarray) -> np.ndarray:
         """Return the slopes of the residuals, from runs that are made in one call."""

@@ -1,15 +1,61 @@
-"""The parameters of the recipe, as far as they can be checked without records."""
+"""The parameters of the recipe: its depths, its default parts, and what can be checked of them."""
 
 from numbers import Integral, Real
 
+from sklearn.base import clone
 from sklearn.utils.validation import check_memory
 
+from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.options import check_time_limit
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.grey_box.hidden_parts import WAYS
-from sklearn_pgnn.grey_box.possible_depths import DEPTHS, NETWORKS, can_see_less, possible_depths
+from sklearn_pgnn.extras import is_installed, needed_by
+from sklearn_pgnn.grey_box.folds import WAYS
 from sklearn_pgnn.model_selection.outer_estimator import parameters_named
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.validation import check_model
+
+#: from the shallowest to the deepest
+DEPTHS = ("prior", "fitted", "extended", "formula", "state_network", "network")
+NETWORKS = DEPTHS[-2:]
+#: the depths that need a diagnosis
+DIAGNOSED = DEPTHS[2:4]
+
+
+def possible_depths(network) -> tuple[str, ...]:
+    """Return all depths that can be tried with a network, by default the usual one."""
+    if network is None and not is_installed("network"):
+        return DEPTHS[: -len(NETWORKS)]
+    return tuple(d for d in DEPTHS if d != "state_network" or can_see_less(network))
+
+
+def can_see_less(network) -> bool:
+    """Return whether a network, by default PGNNL, can be restricted to seeing the states only."""
+    if network is None:
+        return True
+    seen = parameters_named(network, "sees").values()
+    return bool(seen) and all(each is None for each in seen)
+
+
+def diagnosis_or_default(diagnosis, model: PhysicsModel) -> ModelDiagnosis:
+    """Return a diagnosis, by default one of the model with the usual settings."""
+    return ModelDiagnosis(model) if diagnosis is None else diagnosis
+
+
+def network_or_default(network):
+    """Return a network, by default a `PGNNLRegressor`."""
+    if network is not None:
+        return network
+    with needed_by("the depths 'state_network' and 'network'"):
+        from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
+    return PGNNLRegressor()
+
+
+def network_as_trained(network, model: PhysicsModel, depths):
+    """Return a copy of the network with the prior as its model; None if no depth trains one."""
+    if depths is not None and not set(NETWORKS) & set(depths):
+        return None
+    trained = clone(network_or_default(network))
+    return trained.set_params(**dict.fromkeys(parameters_named(trained, "model"), model))
 
 
 def check_options(recipe) -> tuple[str, ...]:

@@ -10,11 +10,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 @dataclass(frozen=True)
 class PlainTable:
-    """Concatenated records.
-
-    X has the columns ``trajectory``, ``t`` and the inputs; y is NaN where nothing was measured.
-    `told`, of shape (n_trajectories, n_states), are initial states of the prior, NaN where unknown.
-    """
+    """X with ``trajectory``, ``t`` and inputs, y, and told states, (n_trajectories, n_states)."""
 
     X: pd.DataFrame
     y: np.ndarray
@@ -43,10 +39,7 @@ class PlainTable:
 
 
 def plain_table(model: PhysicsModel, records) -> PlainTable:
-    """Concatenate records.
-
-    They may have no outputs.
-    """
+    """Concatenate records, also those without outputs."""
     frames = [
         pd.DataFrame({"trajectory": i, "t": record.t, **_inputs(model, record)})
         for i, record in enumerate(records)

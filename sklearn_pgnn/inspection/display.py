@@ -27,11 +27,7 @@ CLOUD, BINS = 4000, 45
 
 @dataclass(frozen=True)
 class Comparison:
-    """A record and its simulations by the models.
-
-    `outputs` are units by name. `measured`, and what each model simulates, the best last, have
-    shape (n_samples, n_outputs); times are in seconds.
-    """
+    """A record and its simulations by the models, the best last; times [s], units by output."""
 
     title: str
     t: np.ndarray
@@ -208,8 +204,6 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
 def called(name: str, record: int, count: int) -> str:
     """Return the name of a record; one with only a number gets its position.
 
-    Examples
-    --------
     >>> called("3", 3, 6), called("monday", 0, 2)
     ('record 4 of 6', "record 'monday' (1 of 2)")
     """
@@ -315,8 +309,6 @@ def draw_points(axes, x, y) -> None:
 def binned_median(x, y, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
     """Return the median of `y` over equal bins of `x` that hold enough points.
 
-    Examples
-    --------
     >>> x = np.linspace(0, 1, 1001)
     >>> centres, medians = binned_median(x, 3 * x, bins=10)
     >>> bool(np.allclose(medians, 3 * centres, atol=0.01))

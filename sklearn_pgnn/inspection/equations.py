@@ -9,8 +9,7 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from sympy.printing.precedence import PRECEDENCE
 
 from sklearn_pgnn.inspection.numbers import number, typeset_unit
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
+from sklearn_pgnn.physics.expressions import TIME, expanded, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 
 #: digits of a number in an equation; as text it has all
@@ -28,12 +27,7 @@ _RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
 
 
 def cases_of(expression: sympy.Expr, moving) -> list[tuple[sympy.Expr, sympy.Expr]]:
-    """Return what an expression is in each case, where it has cases of one kind.
-
-    `moving` are states, inputs and the time; all else are numbers. Return values and conditions,
-    the last condition being true where it is all other cases; nothing where the expression has no
-    cases, or of several kinds.
-    """
+    """Return values and conditions, the last one true, of an expression with cases of one kind."""
     return _by_sign(expression) or _by_dead_zone(expression) or _by_limits(expression, set(moving))
 
 
@@ -150,11 +144,7 @@ def mathml_of(expression, moving: Collection[sympy.Symbol] = ()) -> str:
 
 
 def equation_mathml(left, right, before=None, moving: Collection[sympy.Symbol] = ()) -> str:
-    """Return an equation as MathML.
-
-    `before` is what its right side was: what has been added is marked. The text is in pieces
-    between which a line may break, and empty where it is too large to read.
-    """
+    """Return an equation as MathML in pieces, what has been added marked; empty if too large."""
     if right.count_ops() > MAX_OPERATIONS:
         return ""
     printer = Printer(moving)
@@ -242,10 +232,7 @@ def _part(printer: Printer, expression) -> str:
 
 @dataclass(frozen=True)
 class Number:
-    """A parameter of an equation.
-
-    `mathml` is its symbol, and the value has its unit; it `is_new` if the other model lacks it.
-    """
+    """A parameter with its unit, its symbol in MathML, and whether the other model lacks it."""
 
     mathml: str
     value: str
@@ -254,12 +241,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Equation:
-    """One equation of a model.
-
-    `mathml` is in pieces between which a line may break, with the terms that the other model lacks
-    marked, and empty where it would be too large to read; `cases` are these terms, case by case,
-    empty if without cases. It is `changed` if it differs from that of the other model.
-    """
+    """An equation in pieces of MathML, its new terms by case, and whether it changed."""
 
     text: str
     mathml: str

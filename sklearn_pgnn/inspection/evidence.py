@@ -11,8 +11,7 @@ from sklearn_pgnn.inspection.words import place_name
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effects.rates import RateEffect, is_moving
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
+from sklearn_pgnn.physics.expressions import TIME, expanded, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import unit_at
 from sklearn_pgnn.physics.port import Port, against, inertia_at
@@ -34,11 +33,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence for a cause.
-
-    `points` are abscissa and ordinate of the records' points, `lines` curves of the models; the
-    note is one sentence: what to look at.
-    """
+    """The evidence for a cause: the records' points, the models' curves, and what to look at."""
 
     title: str
     x_label: str

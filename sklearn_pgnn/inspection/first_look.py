@@ -22,11 +22,7 @@ _TABLES = ("records", "quantities", "outputs")
 
 @dataclass(frozen=True)
 class SeenRecord:
-    """One record.
-
-    The duration is from the first to the last sample, the sample time the median [s]; `fit` is, by
-    output, that of the model as given, see `fit_percentage`.
-    """
+    """One record: its duration [s], median sample time [s], and the fit of the model as given."""
 
     name: str
     samples: int
@@ -37,11 +33,7 @@ class SeenRecord:
 
 @dataclass(frozen=True)
 class SeenQuantity:
-    """An input or an output over all records.
-
-    Its role is ``"input"`` or ``"output"``, and `missing` the number of samples without a value;
-    `channel` is what the model says of it, as in ``"measured"`` or ``"encoder"``, empty if nothing.
-    """
+    """An input or an output over all records, its missing samples, and its kind."""
 
     name: str
     role: str
@@ -54,11 +46,7 @@ class SeenQuantity:
 
 @dataclass(frozen=True)
 class FirstFit:
-    """The free-run fit of one output by the model as given, from the start of the records.
-
-    The error is a root mean square, the noise is estimated from the records, both in the unit of
-    the output; NaN for an output that never changes. For `fit` see `fit_percentage`.
-    """
+    """The free-run fit of an output by the model as given, its error and noise [output]."""
 
     output: str
     unit: str

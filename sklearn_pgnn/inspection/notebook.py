@@ -29,12 +29,8 @@ _CELL = "text-align: left; padding: 0 1em 0 0"
 
 
 def model_html(model) -> str:
-    """Return a model as HTML: its equations, and its quantities with their units.
+    """Return a model as escaped HTML: its equations, and its quantities with their units.
 
-    Names and units are escaped.
-
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> "cart on a spring" in model_html(cart_on_spring())
     True
@@ -68,8 +64,6 @@ def model_latex(model) -> str:
 def effect_html(effect) -> str:
     """Return an effect as HTML: its description and its quantities.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects import InputBias
     >>> effect_html(InputBias("torque", bias=0.1)).count("input bias of torque")
     1
@@ -88,8 +82,6 @@ def effect_html(effect) -> str:
 def effect_latex(effect) -> str | None:
     r"""Return the law of an effect as LaTeX, from its documentation; None where it has none.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects import ViscousFriction
     >>> effect_latex(ViscousFriction("v"))
     '$F = d\\,v$'

@@ -9,8 +9,6 @@ from sklearn_pgnn.experiment_design.detectability import Detectable
 def number(value: float, digits: int = 4) -> str:
     """Write a number with some significant digits, without an exponent up to a million.
 
-    Examples
-    --------
     >>> number(0.0804999), number(float("nan")), number(12345678.0)
     ('0.0805', '-', '1.235e+07')
     >>> number(1200.0, 2), number(999999.0)
@@ -99,8 +97,6 @@ def _rounded(value: float, places: int) -> str:
 def readable(formula: str) -> str:
     """Write an expression for readers: raised powers, dots for products, one sign for minus.
 
-    Examples
-    --------
     >>> readable("-0.2005*F**2*v - 3*v"), readable("x**-0.5")
     ('−0.2005·F²·v − 3·v', 'x**-0.5')
     """
@@ -111,8 +107,6 @@ def readable(formula: str) -> str:
 def typeset_unit(unit: str) -> str:
     """Write the powers of a unit as superscripts; a unit of 1 is omitted.
 
-    Examples
-    --------
     >>> typeset_unit("kg m^2"), typeset_unit("N m s**-1"), typeset_unit("m^0.5")
     ('kg m²', 'N m s⁻¹', 'm^0.5')
     """
@@ -129,8 +123,6 @@ def _raised(text: str) -> str:
 def percent(part: float) -> str:
     """Return a share in percent; one just below 1 is not rounded to 100 %.
 
-    Examples
-    --------
     >>> percent(0.704), percent(0.9934), percent(0.99996), percent(1.0)
     ('70 %', '99.3 %', '> 99.9 %', '100 %')
     """
@@ -146,8 +138,6 @@ def percent(part: float) -> str:
 def chance(probability: float | None) -> str:
     """Return a probability in percent; one that is nearly 0 or 1 is not rounded to it.
 
-    Examples
-    --------
     >>> chance(0.213), chance(0.9999), chance(1.0), chance(2e-4)
     ('21 %', '> 99.9 %', '> 99.9 %', '< 0.1 %')
     >>> chance(math.nan), chance(None)
@@ -165,8 +155,6 @@ def chance(probability: float | None) -> str:
 def share(gain) -> str:
     """Write the explained share of a gain with its interval.
 
-    Examples
-    --------
     >>> from types import SimpleNamespace as Gain
     >>> share(Gain(explained_share=0.927, low=0.874, high=0.963))
     '93 % (87 to 96 %)'
@@ -183,8 +171,6 @@ def share(gain) -> str:
 def fit_text(fit: float, decimals: int = 0) -> str:
     """Return the fit of a simulation [%] as text.
 
-    Examples
-    --------
     >>> fit_text(98.4), fit_text(99.84, decimals=1), fit_text(-2e4)
     ('98 %', '99.8 %', 'below −1000 %')
     >>> fit_text(-math.inf), fit_text(math.nan)

@@ -20,8 +20,6 @@ RIVALS = "extended_model_with_*_for_*.yaml"
 def as_strict_json(data: Mapping) -> str:
     """Return plain data as strict JSON; null where a number is not finite.
 
-    Examples
-    --------
     >>> print(as_strict_json({"free_run": float("inf")}), end="")
     {
       "free_run": null

@@ -20,11 +20,7 @@ from sklearn_pgnn.trajectories import read_records
 
 
 def run_records(model: PhysicsModel, records, **options) -> list[Simulation]:
-    """Simulate every record in free run, with the hold and the substeps given, if any.
-
-    The initial states are those given in the record, else those with which the model follows the
-    record's beginning, see `sklearn_pgnn.simulation.free_starts`, else the model's initial state.
-    """
+    """Simulate every record in free run from given, followed, or the model's states."""
     if all(record.y is not None for record in records):
         return run_from_starts(model, window_records(model, records, **options))
     steps = steps_for(model, records, **options)._asdict()

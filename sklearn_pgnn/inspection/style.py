@@ -44,8 +44,6 @@ def tidy(axes) -> None:
 def label(quantity: str, unit: str) -> str:
     """Name an axis with its unit.
 
-    Examples
-    --------
     >>> label("alpha", "rad/s^2"), label("x", "")
     ('alpha [rad/s²]', 'x [-]')
     """
@@ -55,8 +53,6 @@ def label(quantity: str, unit: str) -> str:
 def plain(text: str) -> str:
     r"""Return a name with its dollar signs escaped for matplotlib.
 
-    Examples
-    --------
     >>> print(plain("price in $"))
     price in \$
     """

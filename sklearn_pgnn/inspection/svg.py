@@ -72,8 +72,6 @@ class Scale:
 def percent(share) -> str:
     """Return a place for an attribute of SVG.
 
-    Examples
-    --------
     >>> percent(0.25)
     '25%'
     """
@@ -187,8 +185,6 @@ def _title(text: str) -> Markup:
 def tick_labels(values) -> list[str]:
     """Return what ticks say, with minus signs.
 
-    Examples
-    --------
     >>> tick_labels([-0.5, 0.0, 0.5])
     ['−0.5', '0', '0.5']
     """

@@ -20,11 +20,7 @@ MODELS = {
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of the three models, in units of the noise.
-
-    They are infinite where the model diverges; that of the model with the causes and the formula is
-    not a number where there is no formula.
-    """
+    """Errors of the models in units of the noise: infinite if it diverges, NaN if there is none."""
 
     prior: float
     refitted: float
@@ -50,8 +46,6 @@ def shown_models(diagnosis) -> dict[str, str]:
 def models_called(has_causes: bool, has_formula: bool) -> dict[str, str]:
     """Return the models, without the extended one where it is but the re-tuned one.
 
-    Examples
-    --------
     >>> models_called(has_causes=False, has_formula=True)
     {'prior': 'as given', 'refitted': 're-tuned', 'formula': 'with formula'}
     """

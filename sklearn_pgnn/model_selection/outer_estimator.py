@@ -26,20 +26,14 @@ def inner_has(method: str):
 
 
 def has_method(estimator, method: str) -> bool:
-    """Return whether an estimator has a method, a pipeline also if its last step has.
-
-    The method takes X first.
-    """
+    """Return whether an estimator, or a pipeline's last step, has a method that takes X first."""
     if hasattr(estimator, method) or not isinstance(estimator, Pipeline):
         return hasattr(estimator, method)
     return has_method(estimator.steps[-1][1], method)
 
 
 def method_of(estimator, method: str) -> Callable:
-    """Return a method of an estimator; that of a pipeline's last step behind its transformers.
-
-    The method takes X first.
-    """
+    """Return a method that takes X first, behind the transformers of a pipeline."""
     if hasattr(estimator, method) or not isinstance(estimator, Pipeline):
         return getattr(estimator, method)
     last = method_of(estimator.steps[-1][1], method)

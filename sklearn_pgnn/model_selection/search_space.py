@@ -106,11 +106,7 @@ def search_space(estimator, **changes) -> dict:
 
 
 def refuse_unknown_names(estimator, names) -> None:
-    """Refuse names that are no parameters of an estimator; nothing is fitted.
-
-    Names are full, such as ``"network__module__neurons"``. What is inside a parameter that is named
-    itself is not checked, for that may hold anything.
-    """
+    """Refuse full names that are no parameters of an estimator, as far as nothing is replaced."""
     names, parts = list(names), _parts(estimator)
     for name in names:
         if any(name.startswith(f"{other}__") for other in names):
@@ -163,12 +159,7 @@ def _parts(estimator) -> dict:
 
 @singledispatch
 def searched_parts(estimator) -> dict:
-    """Return the estimators inside another one as it fits them, where its parameters do not tell.
-
-    To be registered for such an estimator's class.
-
-    They are by the name of the parameter; None stands for one that is never fitted.
-    """
+    """Return the estimators inside another one as it fits them, None for one that it never does."""
     return {}
 
 

@@ -151,10 +151,7 @@ class TrajectoryKFold(BaseCrossValidator):
 
 
 def own_folds(cv, estimator, X):
-    """Return a splitter; a number means `TrajectoryKFold` with the estimator's columns.
-
-    A splitter is returned as it is; the estimator is alone or in a pipeline.
-    """
+    """Return a splitter; a number means `TrajectoryKFold` with the estimator's columns."""
     return cv if hasattr(cv, "split") else TrajectoryKFold(cv, **columns_of(estimator, X))
 
 

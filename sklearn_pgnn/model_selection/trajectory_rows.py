@@ -17,13 +17,7 @@ WAYS = ("trajectory", "time")
 
 
 def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> list[np.ndarray]:
-    """Find the rows of every trajectory in a table.
-
-    Its column ``trajectory`` is decisive; without it a trajectory begins wherever time does not
-    increase. `groups`, the trajectory of every row, overrides X. The time is by default in ``"t"``,
-    the first column where the columns have no names. The trajectories are in the order of their
-    first rows.
-    """
+    """Find the rows of every trajectory: by groups, a column, or where time does not increase."""
     X = as_table(X, time_column)
     names = _named(X, trajectory_column) if groups is None else np.asarray(groups)
     if names is not None:
@@ -63,10 +57,7 @@ def are_measured(pieces, y) -> np.ndarray:
 
 
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
-    """Split trajectories in order so that the numbers of samples come nearest to given shares.
-
-    Return the numbers of the trajectories in every part, at least one each.
-    """
+    """Split trajectories in order so that the samples come nearest to shares, at least one each."""
     ends = np.cumsum(lengths)
     wanted = np.cumsum(shares)[:-1] * ends[-1]
     cuts, last = [], 0

@@ -80,8 +80,6 @@ _READINGS, _READ = ("degC", "K", "m/s**2", "W/m**2"), "meas|amb|out"
 def can_have(model: "PhysicsModel", effect: "Effect") -> bool:
     """Return whether what is known of an effect's channel allows it.
 
-    Examples
-    --------
     >>> from sklearn_pgnn import PhysicsModel, effects
     >>> room = PhysicsModel({"T": "degC"}, {"T": "(Q - G*(T - Ta))/C"}, {"G": 9.0, "C": 1e5},
     ...     inputs={"Q": "W", "Ta": "degC"}, channels={"Ta": "measured", "T": "thermocouple"})

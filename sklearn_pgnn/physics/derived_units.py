@@ -18,8 +18,6 @@ _FLOWS = {"J/s": "W", "C/s": "A", "F V/s": "A", "A H/s": "V", "Wb/s": "V"}
 def flow_unit(content: str) -> str:
     """Return the unit of what flows into a store, by the unit of its content.
 
-    Examples
-    --------
     >>> flow_unit("J"), flow_unit("F V"), flow_unit("m^3"), flow_unit("")
     ('W', 'A', 'm^3/s', '')
     """

@@ -164,7 +164,6 @@ class Effect(ABC):
         """
 
     @classmethod
-    @abstractmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple["Effect", ...]:
         """Return the start values for a fit of the effect.
 
@@ -180,8 +179,9 @@ class Effect(ABC):
         Returns
         -------
         tuple of Effect
-            Start values, the most likely first.
+            Start values, the most likely first; by default the values at which it does nothing.
         """
+        return (cls(target),)
 
     def proposals(self, model: PhysicsModel, scales: Scales) -> tuple["Effect", ...]:
         """Propose start values for a fit of this effect on its target; see `starts`.

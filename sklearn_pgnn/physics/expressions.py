@@ -11,6 +11,7 @@ import operator
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
+from math import comb, prod
 from types import MappingProxyType
 from typing import Any, NoReturn
 
@@ -119,10 +120,7 @@ def parse_expression(
 def standard_form(
     expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"
 ) -> sympy.Expr:
-    """Return an expression in the form that parsing its own text yields.
-
-    Two expressions with the same text are equal.
-    """
+    """Return the form that parsing an expression's own text yields: equal texts, equal forms."""
     known, held = _by_same_name(names), _held(expression)
     own = tuple(known[name] for name in held if name in known)
     return _reread(expression, own if len(own) == len(held) else names, where)
@@ -421,3 +419,33 @@ def to_text(expression: sympy.Basic) -> str:
     Floats carry every digit.
     """
     return _TextPrinter().doprint(expression)
+
+
+# -- multiplied out, where that does not take a lot of memory and time -----------------------------
+
+
+#: most terms that an expression may have when it is multiplied out
+MAX_TERMS = 2000
+
+
+def expanded(expression: sympy.Expr, **hints: bool) -> sympy.Expr:
+    """Return `sympy.expand` of an expression; the expression itself beyond `MAX_TERMS` terms."""
+    return sympy.expand(expression, **hints) if _work(expression) <= MAX_TERMS else expression
+
+
+def _work(expression: sympy.Expr) -> int:
+    """Return a bound of all terms that are written when an expression is multiplied out."""
+    inside = sum(_work(each) for each in expression.args if not each.is_Atom)
+    return max(_terms(expression), inside)
+
+
+def _terms(expression: sympy.Expr) -> int:
+    r"""Return a bound of the terms: :math:`\binom{n + k - 1}{n}` of the n-th power of k terms."""
+    if expression.is_Add:
+        return sum(map(_terms, expression.args))
+    if expression.is_Mul:
+        return prod(map(_terms, expression.args))
+    if expression.is_Pow and expression.exp.is_number:
+        power, terms = int(abs(expression.exp)), _terms(expression.base)
+        return comb(power + terms - 1, power) if terms <= MAX_TERMS else terms
+    return 1

@@ -153,11 +153,7 @@ _DATA = (bool, int, float, complex, str, bytes, tuple, list, dict, np.ndarray)
 
 
 class External(sympy.Function):
-    """A call of one result of an external function, or of its slope, in an equation.
-
-    `external` makes a subclass for every result. The arguments are those of the function at
-    `places`; the others are `UNUSED`.
-    """
+    """A call of one result of an external function, or of its slope, at its `places`."""
 
     function: ClassVar[ExternalFunction]
     result: ClassVar[int]
@@ -309,10 +305,7 @@ def calls_outside(text: str) -> bool:
 
 
 def external_functions(expressions: Iterable[sympy.Basic]) -> tuple[ExternalFunction, ...]:
-    """Return the external functions that expressions call.
-
-    Each is there once.
-    """
+    """Return the external functions that expressions call, once each."""
     calls = (call for expression in expressions for call in expression.atoms(External))
     found = dict.fromkeys(call.function for call in calls)
     return tuple(sorted(found, key=lambda function: function.token))
@@ -326,8 +319,6 @@ def at_whole_points(expressions: Sequence[sympy.Expr]) -> list[sympy.Expr]:
 
     The result must not be differentiated.
 
-    Examples
-    --------
     >>> x, y = sympy.symbols("x y", real=True)
     >>> both = external_function(lambda p: (p[0], p[1]), "f", ["x", "y"], ["a", "b"])
     >>> at_whole_points([external(both, 0, (0,))(x), external(both, 1, (1,))(y)])
@@ -357,10 +348,7 @@ def _with_point(call: External, point: Mapping[int, sympy.Expr]) -> sympy.Expr:
 
 
 def require_equations(model: "PhysicsModel", what: str) -> None:
-    """Raise `ModelError` if a model calls functions that have no equations.
-
-    `what` is the task that needs the equations, for the error message.
-    """
+    """Raise `ModelError` if a model calls functions that have no equations, which a task needs."""
     if model.opaque_functions:
         raise ModelError(
             f"{what}: expected a model given by equations, got {model.name!r}, which calls opaque "

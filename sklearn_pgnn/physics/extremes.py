@@ -20,12 +20,8 @@ def minimum(*values: sympy.Expr | float) -> sympy.Expr:
 
 
 def bounded(value: sympy.Expr | float, limit: sympy.Expr | float) -> sympy.Expr:
-    """Return a value, kept between minus a limit and the limit.
+    """Return a value, kept between minus a limit of at least 0 and the limit.
 
-    The limit is at least 0; see `maximum`.
-
-    Examples
-    --------
     >>> bounded(sympy.Symbol("x"), 1)
     Max(-1, Min(1, x))
     """
@@ -33,10 +29,7 @@ def bounded(value: sympy.Expr | float, limit: sympy.Expr | float) -> sympy.Expr:
 
 
 def extreme(kind: type[sympy.Max | sympy.Min], values: Iterable[sympy.Expr | float]) -> sympy.Expr:
-    """Return the largest or the smallest of some values.
-
-    See `maximum`.
-    """
+    """Return the largest or the smallest of some values."""
     flat = [
         part
         for value in map(sympy.sympify, values)

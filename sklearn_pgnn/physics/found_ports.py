@@ -167,8 +167,6 @@ def always_positive(
 ) -> bool:
     """Return whether an expression is positive at all states that are drawn.
 
-    Examples
-    --------
     >>> m, q = sympy.symbols("m q", real=True)
     >>> [always_positive(each, {m: 2.0}, {q}) for each in (1 / (m + sympy.sin(q)), sympy.cos(q))]
     [True, False]
@@ -198,10 +196,7 @@ def _sign(
 def inverse_masses(
     energy: sympy.Expr, velocities: tuple[sympy.Symbol, ...]
 ) -> dict[sympy.Symbol, dict[sympy.Symbol, sympy.Expr]]:
-    r"""Return the columns of the inverse of :math:`\partial^2 E/\partial v_i \partial v_j`.
-
-    There is none where the energy is not quadratic in the velocities, or too long.
-    """
+    r"""Return the columns of the inverse of :math:`\partial^2 E/\partial v_i \partial v_j`."""
     moving = tuple(v for v in velocities if energy.has(v))
     if not 0 < len(moving) <= MOST_VELOCITIES or energy.count_ops() > MOST_OPERATIONS:
         return {}

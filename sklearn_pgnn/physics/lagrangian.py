@@ -32,8 +32,7 @@ from sympy.simplify.fu import TR8
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.declared_ports import declared_in, read_let
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import RATE, TIME, symbol
+from sklearn_pgnn.physics.expressions import RATE, TIME, expanded, symbol
 from sklearn_pgnn.physics.model_parts import (
     as_expression,
     as_mapping,
@@ -51,8 +50,6 @@ SECTION = ("coordinates", *ENERGIES, "forces")
 def lagrangian_parts(section: Mapping[str, Any], model: Mapping[str, Any]) -> dict[str, Any]:
     """Return the constructor's parts of a model of which a section gives the energies.
 
-    Examples
-    --------
     >>> section = {"coordinates": {"q": "w"}, "kinetic": "w**2/2", "potential": "1 - cos(q)"}
     >>> parts = lagrangian_parts(section, {"states": {"q": "rad", "w": "rad/s"}})
     >>> parts["equations"], parts["inertia"], parts["forces"]

@@ -96,8 +96,6 @@ def is_stated(model: PhysicsModel, flow: sympy.Expr, rates: Mapping[str, sympy.E
 def rates_of_flow(inertia: Mapping[str, sympy.Basic], flow: sympy.Expr) -> dict[str, sympy.Expr]:
     r"""Return the rates of a unit of effort at a flow, :math:`M^{-1} J^\top` with :math:`f = J v`.
 
-    Examples
-    --------
     >>> m, M = sympy.symbols("m M")
     >>> rates_of_flow({"v": m, "w": M}, symbol("v") - symbol("w"))
     {'v': 1/m, 'w': -1/M}

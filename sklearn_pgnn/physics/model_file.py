@@ -45,11 +45,7 @@ _NULL = "tag:yaml.org,2002:null"
 
 
 def read_model(path: FilePath) -> PhysicsModel:
-    """Read a model file.
-
-    An error says ``FILE:LINE:COLUMN: what``; warnings tell of a parameter that no equation uses,
-    and of units that are inconsistent or unknown.
-    """
+    """Read a model file; an error says ``FILE:LINE:COLUMN: what``."""
     return _Reader(os.fspath(path)).model()
 
 
@@ -60,10 +56,7 @@ def robot_in(path: FilePath) -> dict | None:
 
 
 def write_model(model: PhysicsModel, path: FilePath | None = None) -> str:
-    """Write a model as a model file.
-
-    Return the YAML text; a file is replaced as a whole or not at all.
-    """
+    """Write a model as a model file, whole or not at all, and return its YAML text."""
     text = written_parts(model.to_dict())
     if path is not None:
         write_whole(Path(path), text)
@@ -83,10 +76,7 @@ def written_parts(parts: dict) -> str:
 
 
 class _Reader:
-    """Read the nodes of one file; `places` holds the node of every key.
-
-    `computed` names the entries that do not stand in the file.
-    """
+    """Read the nodes of one file, by key; `computed` names entries that do not stand in it."""
 
     def __init__(self, path: str):
         self.path = path

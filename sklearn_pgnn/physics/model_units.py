@@ -21,8 +21,6 @@ def unit_of(expression: sympy.Expr | None, unit: Callable[[str], str]) -> str:
     where the parts of a sum differ, or where the unit cannot be told. An angle counts as a number
     in a product with other quantities.
 
-    Examples
-    --------
     >>> x, y, k, w = sympy.symbols("x y k w")
     >>> units = {"x": "m", "y": "m", "k": "V s/rad", "w": "rad/s"}
     >>> [unit_of(each, units.get) for each in (x + y, k * w, x * w, w / k, 3.6 * x)]
@@ -79,8 +77,6 @@ def _product(parts: list[dict[str, Fraction] | None]) -> dict[str, Fraction] | N
 def _read(unit: str) -> dict[str, Fraction] | None:
     """Return the powers in a unit such as ``N m/(rad/s)^2``; None for none, or another form.
 
-    Examples
-    --------
     >>> {name: int(power) for name, power in _read("V s/rad").items()}, _read("N/(m s)")["s"] < 0
     ({'V': 1, 's': 1, 'rad': -1}, True)
     >>> _read(""), _read("1"), _read("m^0.5")

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 def is_effort(model: PhysicsModel, place: str) -> bool:
     """Return whether a place is the effort of a port, rather than the rate of one state.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> is_effort(cart_on_spring(), "v")
     False
@@ -66,8 +64,6 @@ def add_at(model: PhysicsModel, place: str, expression: sympy.Expr) -> dict[str,
 def signals_at_ports(model: PhysicsModel) -> dict[str, sympy.Expr]:
     """Return the flows and displacements at ports that are no states, by name and by text.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import PhysicsModel
     >>> rates = {"x": "v", "v": "F - G", "y": "w", "w": "G"}
     >>> drive = PhysicsModel({"x": "m", "v": "m/s", "y": "m", "w": "m/s"}, rates, {}, {"F": "N"},
@@ -87,8 +83,6 @@ def signals_at_ports(model: PhysicsModel) -> dict[str, sympy.Expr]:
 def unit_at(model: PhysicsModel, place: str) -> str:
     """Return the unit of what may be missing at a place.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> [unit_at(cart_on_spring(), place) for place in ("v", "force", "position")]
     ['m/s^2', 'N', 'm']

@@ -109,10 +109,10 @@ class Port:
             rates[state] = _less(rates[state], effort, b, own_entry(model.inertia, state))
         for output, c in self.outputs.items():
             outputs[output] = _less(outputs[output], effort, c, None)
-        forces = {
-            other: {**getattr(model, other), **_forces_less(getattr(model, other), effort, slopes)}
-            for other, slopes in balances.items()
-        }
+        forces = {}
+        for other, slopes in balances.items():
+            own = getattr(model, other)
+            forces[other] = {**own, **{name: own[name] - b * effort for name, b in slopes.items()}}
         energy = self._energy(model, effort)
         return {"equations": rates, "outputs": outputs, "energy": energy, **forces}
 
@@ -162,13 +162,6 @@ class Port:
         }
         parts = {**texts, **slopes, "unit": self.unit}
         return {key: part for key, part in parts.items() if part}
-
-
-def _forces_less(
-    forces: Mapping[str, sympy.Expr], effort: sympy.Expr, slopes: Mapping[str, sympy.Expr]
-) -> dict:
-    """Subtract slope*effort from forces."""
-    return {name: forces[name] - slope * effort for name, slope in slopes.items()}
 
 
 def _less(

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import expanded, symbol
 from sklearn_pgnn.physics.found_ports import is_velocity
 
 if TYPE_CHECKING:
@@ -43,8 +42,6 @@ def shown_rates(model: PhysicsModel) -> dict[str, dict[str, sympy.Expr]]:
 def with_rates(model: PhysicsModel, rates: Mapping[str, sympy.Expr]) -> dict[str, Any]:
     """Return the changes of a model by new rates, those of outputs that show them with them.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import PhysicsModel
     >>> fall = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, {"a": "der(v)"})
     >>> with_rates(fall, {"v": sympy.Integer(0)})
@@ -64,8 +61,6 @@ def with_output(
 ) -> dict[str, Any]:
     """Return the changes of a model by an output that is shown otherwise, by ports as well.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import PhysicsModel
     >>> brake = PhysicsModel({"w": "rad/s"}, {"w": "-T/J"}, {"J": 2.0}, outputs={"torque": "T"},
     ...                      ports={"disc": {"effort": "T", "flow": "w"}})
@@ -92,8 +87,6 @@ def repeated_rates(
 ) -> dict[str, dict[str, sympy.Expr]]:
     """Return the factors of the rates that outputs repeat, by output and state.
 
-    Examples
-    --------
     >>> F, m, k, x, b = sympy.symbols("F m k x b")
     >>> rates, outputs = (("v", (F - k * x) / m),), (("acc", b - 2 * (F - k * x) / m), ("F", F))
     >>> repeated_rates(rates, outputs, frozenset({m, k, b}))

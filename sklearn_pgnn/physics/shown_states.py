@@ -6,8 +6,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def shown_by(model: PhysicsModel, output: str) -> tuple[str, ...]:
     """Return the state that an output measures directly, then the velocity of that position.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import systems
     >>> shown_by(systems.cart_on_spring(), "position")
     ('x', 'v')
@@ -26,8 +24,6 @@ def shown_states(model: PhysicsModel) -> frozenset[str]:
 def told_states(model: PhysicsModel) -> frozenset[str]:
     """Return the states on which the outputs depend directly, and the velocities of such positions.
 
-    Examples
-    --------
     >>> lever = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-x"}, outputs={"y": "2*x"})
     >>> sorted(told_states(lever)), sorted(shown_states(lever))
     (['v', 'x'], [])

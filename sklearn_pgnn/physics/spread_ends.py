@@ -15,8 +15,6 @@ def at_bounds(retuned: PhysicsModel) -> tuple[str, ...]:
 
     Nothing physical ends at such a bound as a friction or a mass does at zero.
 
-    Examples
-    --------
     >>> k = {"value": 1.0, "bounds": [0.0, 4.0]}
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(k*u - y)/T"}, {"T": 2.0, "k": k}, {"u": "V"})
     >>> at_bounds(lag), at_bounds(lag.with_parameters(k=4.0)), at_bounds(lag.with_parameters(k=0.0))

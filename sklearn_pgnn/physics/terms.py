@@ -2,20 +2,12 @@
 
 import sympy
 
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import expanded, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def model_terms(model: PhysicsModel) -> list[sympy.Expr]:
-    """Return a model's states, inputs and the terms of its rates, without constant factors.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> model_terms(cart_on_spring())
-    [x, v, force]
-    """
+    """Return a model's states, inputs and the terms of its rates, without constant factors."""
     values = {symbol(name): p.value for name, p in model.parameters.items()}
     terms = [symbol(name) for name in (*model.states, *model.inputs)]
     for rate in model.equations.values():

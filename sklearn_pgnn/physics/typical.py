@@ -25,8 +25,6 @@ def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[st
 def typical_inertia(target: str, model: PhysicsModel, scales: Scales) -> float:
     """Return the inertia that an effort at a port moves, 1 where the model has none.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.systems import golf_robot
     >>> robot = golf_robot()
     >>> typical_inertia("omega", robot, Scales({}, {}, {}, 0.01, 1.0))
@@ -46,8 +44,6 @@ class _OneIfUnknown(dict):
 def typical_value(template: str, scale: Mapping[str, float]) -> float:
     """Return the typical value of a quantity from the template of its unit, 1 if it has none.
 
-    Examples
-    --------
     >>> typical_value("{force}*s", {"force": 3.0, "s": 0.5})
     1.5
     """

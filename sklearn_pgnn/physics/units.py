@@ -42,8 +42,6 @@ _COMMON = ("N", "N m", "W", "V", "ohm", "Pa", "N/m", "N s/m", "N/s", "m/s", "m/s
 def unit_text(quantity: "Quantity") -> str:
     """Return a quantity of size 1 in common units, else in base units, with the factor if not 1.
 
-    Examples
-    --------
     >>> unit_text(read_unit("g m/s^2"))
     '0.001 N'
     """

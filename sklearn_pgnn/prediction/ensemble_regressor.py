@@ -142,10 +142,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         return self
 
     def _warn_of_same_fits(self, X: Table) -> None:
-        """Warn where the fits differ by rounding only, whose spread tells nothing.
-
-        They predict one after the other until one differs: mostly that is the second.
-        """
+        """Warn where the fits differ by rounding only, whose spread tells nothing."""
         if self.n_estimators == 1:
             return
         with warnings.catch_warnings():

@@ -81,8 +81,6 @@ def regressor(tree: RigidTree, seed: int = 0) -> np.ndarray:
 def independent(columns: np.ndarray, beside: np.ndarray) -> list[int]:
     """Return the places of columns that are a base of all, beside others that stay.
 
-    Examples
-    --------
     >>> columns = np.array([[1.0, 2.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     >>> independent(columns, beside=columns[:, :0]), independent(columns, beside=columns[:, 3:])
     ([1, 2, 3], [1, 2])

@@ -34,11 +34,7 @@ COMPARED = 32
 
 @dataclass(frozen=True)
 class NumericFunction:
-    """A function of ``(t, x, u, p)`` as one of a tuple of numbers.
-
-    `parts` are names of states, inputs and parameters, and `names` those of its results, in order,
-    None if it returns them by name; `points` are some at which it computes finite numbers.
-    """
+    """A function of ``(t, x, u, p)`` as one of a tuple of numbers, finite at `points`."""
 
     function: Callable
     parts: tuple[tuple[str, ...], ...]
@@ -75,8 +71,6 @@ def _quantities(names, values) -> Quantities:
 def by_name(found, names: Sequence[str] | None) -> dict:
     """Return a function's results by name; without `names` the function must name them.
 
-    Examples
-    --------
     >>> by_name([1.0, 2.0], ["x", "v"])
     {'x': 1.0, 'v': 2.0}
     """
@@ -98,11 +92,7 @@ def by_name(found, names: Sequence[str] | None) -> dict:
 
 @dataclass(frozen=True)
 class Called:
-    """The equations that call a function.
-
-    Equations are by result; a rate that is another state, and a constant, are written as such.
-    `seconds` is the duration of a call in Python.
-    """
+    """The equations, by result, that call a function, and how long a call takes [s]."""
 
     equations: dict[str, sympy.Expr]
     seconds: float
@@ -112,11 +102,7 @@ class Called:
 def called_function(
     function: Callable, what: str, named: PhysicsModel, names: Sequence[str] | None
 ) -> Called:
-    """Return equations that call a function.
-
-    The arguments that each result depends on are determined at many fixed random points: an
-    equation calls the function with these only, and the others are NaN in the call.
-    """
+    """Return equations that call a function with what each result depends on at random points."""
     parts = (tuple(named.states), tuple(named.inputs), tuple(named.parameters))
     call = NumericFunction(function, parts, None if names is None else tuple(names))
     points = _points(named)
@@ -130,13 +116,7 @@ def called_function(
 def calling(
     call: Callable, what: str, named: PhysicsModel, results: Sequence[str], points, name: str
 ) -> Called:
-    """Return equations that call a function of numbers.
-
-    `call` takes a tuple of numbers, time, states, inputs and parameters, and returns the results in
-    order; NaN stands for an argument for which any value may be used. `what` describes the results
-    in error messages, and `name` is that in the equations. The dependence of each result on the
-    arguments is probed at the points.
-    """
+    """Return equations that call a function of a tuple: t, states, inputs, parameters."""
     before = time.perf_counter()
     known = [(point, found) for point in points if (found := _values(call, point)) is not None]
     seconds = (time.perf_counter() - before) / len(points)
@@ -166,8 +146,6 @@ def dependences(call, known, n_arguments: int, n_results: int) -> list[list[int]
     `known` are points with the results there. The arguments are those whose omission, or a change
     of whose value, changes the result at one of the points at least.
 
-    Examples
-    --------
     >>> known = [((1.0, 2.0), [1.0]), ((2.0, 3.0), [2.0])]
     >>> dependences(lambda point: [point[0]], known, 2, 1)
     [[0]]

@@ -25,13 +25,7 @@ _STATUS = ctypes.PYFUNCTYPE(ctypes.c_int)
 
 @dataclass(frozen=True)
 class UnitFunction:
-    """Rates and outputs of a unit as a function of a tuple of numbers.
-
-    It holds the archive and can be pickled; the unit is opened in the process of the first call.
-
-    The arguments are time and states, then inputs and parameters, each a number, or NaN for the
-    unit's own start value. The results are rates, then outputs.
-    """
+    """Rates and outputs of a unit, opened where first called, as a function of a tuple."""
 
     archive: bytes
     inputs: tuple[str, ...]

@@ -31,10 +31,7 @@ ARMATURE = "{effort}/({x}/s^2)"
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint with one coordinate, what it resists with, and where its spring is at rest.
-
-    Without an armature it has none, and no parameter of one.
-    """
+    """A joint with one coordinate, what it resists with, and where its spring is at rest."""
 
     name: str
     slides: bool

@@ -90,8 +90,6 @@ _FUNCTIONS: dict[Callable, Callable] = {
 class Traced(NDArrayOperatorsMixin):
     """A quantity in an equation that is being written.
 
-    Examples
-    --------
     >>> x = Traced(symbol("x"))
     >>> (np.sin(x) + 2.0 * np.maximum(x, 0)).expression
     sin(x) + 2*Max(0, x)
@@ -137,8 +135,6 @@ class Traced(NDArrayOperatorsMixin):
 class Quantities(np.ndarray):
     """States, inputs or parameters, by number, by name, or all at once.
 
-    Examples
-    --------
     >>> p = Quantities.of(["m", "k"], [2.0, 50.0])
     >>> float(p[1]), float(p["k"])
     (50.0, 50.0)
@@ -181,8 +177,6 @@ class Quantities(np.ndarray):
 def expression_of(value) -> sympy.Expr:
     """Return the equation of a traced quantity, or a number as an expression.
 
-    Examples
-    --------
     >>> expression_of(2.0), expression_of(Traced(symbol("x")))
     (2, x)
     """

@@ -14,8 +14,8 @@ from sklearn_pgnn.record_quality.excitation import (
     find_dull_input,
     find_first_steps,
 )
+from sklearn_pgnn.record_quality.feedback import find_closed_loop, find_state_feedback
 from sklearn_pgnn.record_quality.finding import Finding
-from sklearn_pgnn.record_quality.noise_feedback import find_closed_loop
 from sklearn_pgnn.record_quality.refits import find_drift, find_early_output, find_uneven_noise
 from sklearn_pgnn.record_quality.sensors import (
     find_clipping,
@@ -25,7 +25,6 @@ from sklearn_pgnn.record_quality.sensors import (
     find_quantisation,
 )
 from sklearn_pgnn.record_quality.signals import Signal
-from sklearn_pgnn.record_quality.state_feedback import find_state_feedback
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -46,11 +45,7 @@ def check_data_quality(
     best: WindowFit | None = None,
     each_step: Callable[[], bool | None] = lambda: None,
 ) -> Iterator[Finding]:
-    """Yield the faults of the records that limit a diagnosis.
-
-    Every check of one quantity gives a false alarm in at most one of a thousand faultless sets of
-    records.
-    """
+    """Yield the faults of the records; a check is wrong in at most one of a thousand sets."""
     windows, model = problem.windows, problem.prior
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)

@@ -20,8 +20,6 @@ from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 def find_dull_input(signal: Signal) -> Finding | None:
     """Find an input that never changes or has two values only.
 
-    Examples
-    --------
     >>> still = Signal("u", "V", [np.ones(9)], [np.arange(9.0)], ["a"])
     >>> find_dull_input(still).text
     'u has the value 1 V throughout'
@@ -77,8 +75,6 @@ def find_blind_parameters(problem: EstimationProblem, base: WindowFit) -> list[F
     with the same clock and range of inputs, but many sines, would settle more than twice as much
     of :math:`\sigma_i^2`. What no record settles is not reported.
 
-    References
-    ----------
     .. [1] L. Ljung, "System identification: theory for the user", 2nd ed., Prentice Hall, 1999.
     """
     freedoms = [f for f in base.freedoms if np.isfinite(f.spread) and f.spread > 0]

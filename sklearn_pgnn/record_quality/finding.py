@@ -67,8 +67,6 @@ def finding_of(kind: str, said: str, where: str = "") -> Finding:
 def listed(items: Iterable[str]) -> str:
     """Return a list as in a sentence, with "and" before its last entry.
 
-    Examples
-    --------
     >>> listed(["a", "b", "c"])
     'a, b and c'
     """

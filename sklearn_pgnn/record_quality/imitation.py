@@ -27,8 +27,6 @@ def imitators(
     other, whose span holds the first at the samples of the records but for twice what that of all
     leaves, or the law of the input.
 
-    Examples
-    --------
     >>> cart = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "(F - k*x - d*v)/m"},
     ...                     {"m": 2.0, "d": 1.0, "k": 10.0}, {"F": "N"}, inertia={"v": "m"})
     >>> x = np.random.default_rng(0).normal(size=(100, 2))

@@ -61,8 +61,6 @@ def find_drift(
     it leaves above the noise. The parameter with the largest
     :math:`\sum_r ((p_r - \bar p)/\sigma_r)^2` is named.
 
-    References
-    ----------
     .. [1] G. C. Chow, "Tests of equality between sets of coefficients in two linear regressions",
        Econometrica 28, 1960, :doi:`10.2307/1910133`.
     """

@@ -117,8 +117,6 @@ def find_quantisation(signal: Signal, left: float = 0.0) -> Finding | None:
     :math:`q^2/12`; below, its error depends on the signal. Where a model leaves more than a step,
     it is not the steps that stand in the way.
 
-    References
-    ----------
     .. [1] R. M. Gray, D. L. Neuhoff, "Quantization", IEEE Transactions on Information Theory
        44(6), 1998, :doi:`10.1109/18.720541`.
     """
@@ -224,8 +222,6 @@ def find_outliers(signal: Signal, residual: Signal) -> Finding | None:
     :math:`1/\alpha` records; and if the same holds for the residual of a fitted model, in which
     motion is slow. A corner of the signal does not reach that far.
 
-    References
-    ----------
     .. [1] F. R. Hampel, "The influence curve and its role in robust estimation", Journal of the
        American Statistical Association 69, 1974, :doi:`10.1080/01621459.1974.10482962`.
     """

@@ -15,10 +15,7 @@ from sklearn_pgnn.trajectories.noise import finest_differences, noise_level
 
 @dataclass(frozen=True)
 class Signal:
-    """One measured quantity of all records.
-
-    Values, NaN where there is none, and times [s] are by record.
-    """
+    """One measured quantity of all records, NaN where there is no value, and times [s]."""
 
     name: str
     unit: str

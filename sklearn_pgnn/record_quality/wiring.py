@@ -24,7 +24,7 @@ from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.effects.wiring import WIRINGS, Factor, OutputFactor, Wiring
-from sklearn_pgnn.physics.expansion import expanded
+from sklearn_pgnn.physics.expressions import expanded
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.joint_torques import told_by_torques, touches
@@ -53,11 +53,7 @@ NEAR = 5.0
 
 @dataclass(frozen=True)
 class Rewired:
-    """A wiring that makes the model follow the records, and those that do it as well.
-
-    The best wiring comes first; `output` is told best by it, with an error, as given and as
-    rewired, in units of the noise.
-    """
+    """The best wiring, its equals, and the output that tells it best, with errors per noise."""
 
     wirings: tuple[Wiring, ...]
     output: str
@@ -91,7 +87,7 @@ def find_wiring(
     levels = noise_levels(records) if levels is None else levels
     some = tuple(_part(record, SAMPLES // len(records)) for record in records)
     trials = _Trials(model, some, levels, each_step)
-    if not trials.doubts:
+    if not (trials.before > CLEARLY * FOLLOWS).any():
         return None
     right = told_by_torques(model, some, levels)
     open_ = (wiring for wiring in _wirings(trials) if not touches(wiring, right))
@@ -179,11 +175,6 @@ class _Trials:
     def before(self) -> np.ndarray:
         """The errors as given, at most those without any model."""
         return np.minimum(self.given, self._without)
-
-    @property
-    def doubts(self) -> bool:
-        """Whether so much is left that a wiring may be wrong."""
-        return bool((self.before > CLEARLY * FOLLOWS).any())
 
     def follows(self, wiring: Wiring) -> bool:
         """Return whether the model as given follows an output that a wiring would spoil."""

@@ -86,10 +86,7 @@ class AddedResponse:
         return all(bool(np.isfinite(each).all()) for each in (self.F, self.x, self.H))
 
     def to(self, additions: list[Addition]) -> np.ndarray:
-        """Return the responses in units of the noise, less what initial states explain.
-
-        They are of shape (n_rows, n_outputs, n_additions), window by window.
-        """
+        """Return responses (n_rows, n_outputs, n_additions) per noise, less the initial states'."""
         parts = [(at, j, v) for j, each in enumerate(additions) for at, v in each.parts]
         places = np.array([at for at, _, _ in parts], dtype=np.int64)
         columns = np.array([j for _, j, _ in parts], dtype=np.int64)
@@ -98,10 +95,7 @@ class AddedResponse:
         return self.without_states(self._respond(places, columns, values, begun))
 
     def without_states(self, table: np.ndarray) -> np.ndarray:
-        """Return the rows of the windows in units of the noise, less what initial states explain.
-
-        A table is of shape (n_samples, n_outputs, n_columns).
-        """
+        """Return rows of a table, by samples, per noise, less what initial states explain."""
         rows = self.windows.rows
         known = np.where(self._measured, table[rows] / self.windows.scale[:, None], 0.0)
         found = known.reshape(rows.size * table.shape[1], table.shape[2])

@@ -46,8 +46,6 @@ class Machine:
 def check_steps(steps) -> None:
     """Raise `OptionError` unless predictions can be `steps` samples ahead.
 
-    Examples
-    --------
     >>> check_steps(1)
     """
     if not isinstance(steps, Integral) or steps < 1:

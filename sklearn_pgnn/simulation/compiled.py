@@ -39,11 +39,7 @@ MOST = 1024
 
 @dataclass(frozen=True)
 class ModelFunction:
-    """A model's compiled function, which is in memory as long as this object lives.
-
-    `argument` is what the time loops call by `call`: the function's address, or itself
-    (`PLAIN_CALLS`). `memory` keeps an address valid.
-    """
+    """A model's compiled function, at an address that is valid as long as it lives."""
 
     argument: Any
     memory: CodeMemory | None = None

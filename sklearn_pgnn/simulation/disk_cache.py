@@ -77,11 +77,7 @@ def _is_private(status: os.stat_result) -> bool:
 
 
 def numba_caches() -> bool:
-    """Return whether numba has a folder for its files, which it is given where it finds none.
-
-    Beside the code and in the user's home numba finds its own; asked to keep files where there is
-    no folder, it refuses to compile.
-    """
+    """Return whether numba has a folder for its files, which it is given where it finds none."""
     if not (numba.config.CACHE_DIR or os.access(HERE, os.W_OK) or _of_user()):
         own = folder()
         if own is None:
@@ -113,12 +109,8 @@ _WRITTEN = count()
 
 
 def key_of(*parts) -> str:
-    """Return the name of what depends on some parts, this code and the libraries.
+    """Return the name of what depends on parts, by ``repr``, this code and the libraries.
 
-    A part is told by its ``repr``, the same in every process.
-
-    Examples
-    --------
     >>> key_of("ab", "c") == key_of("ab", "c"), key_of("ab", "c") == key_of("a", "bc")
     (True, False)
     """

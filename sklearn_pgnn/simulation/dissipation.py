@@ -51,8 +51,6 @@ class Dissipation:
 def energy_slopes(model: PhysicsModel, states: tuple[str, ...]) -> list[sympy.Expr]:
     """Return the slopes of the stored energy by some states, then its Hessian, row by row.
 
-    Examples
-    --------
     >>> cart = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-k*x/m"},
     ...                     {"m": 2.0, "k": 8.0}, energy={"stored": "m*v**2/2 + k*x**2/2"})
     >>> energy_slopes(cart, ("v",))

@@ -42,10 +42,7 @@ RUNS = 30
 
 
 class Disturbance(NamedTuple):
-    """A hidden input.
-
-    The variance is in the unit of the channel squared; `time` [s] is that in which it changes.
-    """
+    """A hidden input with its variance [unit of the channel squared] over a time [s]."""
 
     variance: float
     time: float
@@ -72,10 +69,7 @@ class LinearWindows:
     variance: np.ndarray
 
     def select(self, which) -> "LinearWindows":
-        """Return some of the windows.
-
-        `which` is a mask or indices.
-        """
+        """Return the windows of a mask or of indices."""
         return replace(
             self,
             windows=self.windows.select(which),

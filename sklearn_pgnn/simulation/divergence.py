@@ -30,8 +30,6 @@ def limits_of(y: np.ndarray) -> np.ndarray:
 def what_is_beyond(model: PhysicsModel, run: Simulation, limits, remedy: str = REMEDY) -> str:
     """Return where the outputs of a free run leave their limits; empty if they do not.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": -0.01}, {"u": "V"}, name="lag")
     >>> run = lag.simulate([0.0, 0.1], [1.0, 1.0], substeps=100)
     >>> print(what_is_beyond(lag, run, limits_of(np.ones((1, 1)))).split(". ")[0])
@@ -49,12 +47,8 @@ def what_is_beyond(model: PhysicsModel, run: Simulation, limits, remedy: str = R
 
 
 def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
-    """Return why a free run cannot be used for training; empty if it can.
+    """Return why a free run (n_samples, n_names) cannot be trained on; empty if it can.
 
-    `values` are the quantities taken from it, of shape (n_samples, n_names).
-
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": -0.01}, {"u": "V"})
     >>> run = lag.simulate([0.0, 1.0, 2.0], [1.0, 1.0, 1.0], [1e-9], substeps=100)
     >>> print(what_is_wrong(run, run.y, ["y"]).split(",")[0])

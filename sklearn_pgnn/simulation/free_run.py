@@ -21,8 +21,6 @@ from sklearn_pgnn.trajectories.record import Record
 def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulation:
     """Simulate a record from its initial state, without a warning where it diverges.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> (record,) = read_records(lag, [[0.0, 1.0], [1.0, 1.0]])

@@ -11,8 +11,6 @@ def freedom_of(model: PhysicsModel, name: str, within_spread: bool) -> Parameter
 
     The variance of a uniform distribution within :math:`\pm r` is :math:`r^2/3`.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": {"value": 2.0, "spread": 0.25}})
     >>> near = freedom_of(lag, "T", within_spread=True)
     >>> near.low, near.high, freedom_of(lag, "T", within_spread=False).high

@@ -30,12 +30,7 @@ def delayed_inputs(model: PhysicsModel, t, u, linear_hold: bool = False):
 
 
 def mean_inputs(t, u, kept, bounds):
-    """Average held inputs from every kept sample to the next.
-
-    `kept` are the samples that stay, the first of every record among them, and `bounds`, of shape
-    (n_records + 1,), is where each record begins, and the end. The means have shape (n_kept,
-    n_inputs).
-    """
+    """Average held inputs (n_kept, n_inputs) from every kept sample of a record to the next."""
     width = np.diff(t, append=t[-1:])
     last = np.asarray(bounds)[1:] - 1
     width[last] = width[np.maximum(last - 1, 0)]

@@ -21,10 +21,6 @@ FINEST = 10**6
 def check_coverage(coverage) -> float:
     """Return a coverage; raise `OptionError` unless it is a share between 0 and 1.
 
-    It is the share of the measurements that should lie in the interval.
-
-    Examples
-    --------
     >>> check_coverage(0.9)
     0.9
     """
@@ -40,14 +36,10 @@ def warn_of_few_records(coverage: float, n_records: int) -> None:
     The one to be predicted exceeds all :math:`n` others with the probability :math:`1/(n + 1)`:
     only an infinite interval would cover it more often than :math:`n/(n + 1)` [1]_.
 
-    References
-    ----------
     .. [1] J. Lei, M. G'Sell, A. Rinaldo, R. J. Tibshirani, L. Wasserman, "Distribution-free
        predictive inference for regression", Journal of the American Statistical Association
        113(523), 2018, :doi:`10.1080/01621459.2017.1307116`.
 
-    Examples
-    --------
     >>> warn_of_few_records(0.9, 9)  # enough
     """
     asked = Fraction(float(coverage)).limit_denominator(FINEST)  # 0.9 is 9/10
@@ -68,8 +60,6 @@ def warn_of_few_records(coverage: float, n_records: int) -> None:
 def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
     """Return the quantile of the magnitudes for every output.
 
-    Examples
-    --------
     >>> quantile_of(np.arange(1.0, 11.0)[:, None], 0.9).tolist()
     [9.0]
     """
@@ -80,8 +70,6 @@ def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
 def interval_around(predicted: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the ends of intervals about a prediction.
 
-    Examples
-    --------
     >>> interval_around(np.array([1.0, 2.0]), np.array([0.5]))
     (array([0.5, 1.5]), array([1.5, 2.5]))
     """
@@ -100,8 +88,6 @@ def output_variance(
     The variance has shape (n_samples, n_outputs), and is infinite where the simulation becomes
     non-finite.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.trajectories import read_records
     >>> gain = PhysicsModel({"y": "V"}, {"y": "K*u"}, {"K": 2.0}, {"u": "V"})
     >>> (record,) = read_records(gain, [[0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])

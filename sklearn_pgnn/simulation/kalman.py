@@ -78,11 +78,7 @@ def run_filter(
     function, t, u, linear_hold, y, usual, p, x0, P0, diffusion, variance, dry, substeps,
     size, X, P, Xp, Pp, F,
 ):  # fmt: skip
-    """Filter one record into X and P, predictions into Xp and Pp, transitions into F.
-
-    Gives the log-likelihood of the outputs; minus infinity where the filter diverged. Outputs are
-    taken in one after the other, their noise being independent.
-    """
+    """Filter one record in place; the likelihood is minus infinity where the filter diverged."""
     nx, ny = x0.size, y.shape[1]
     out, old = workspace(dry, nx, u.shape[1], size)
     x, S, C, half = x0.copy(), np.zeros((nx, nx)), P0.copy(), np.zeros((nx, nx))

@@ -22,8 +22,6 @@ def usual_step(records) -> float:
 def without_long_steps(records) -> list[Record]:
     """Return records in which no step is longer than a usual one, to find the substeps of that.
 
-    Examples
-    --------
     >>> t, none = np.array([0.0, 1.0, 2.0, 9.0]), np.zeros((4, 0))
     >>> (record,) = without_long_steps([Record(t, none, None, np.zeros(1), "a", np.arange(4))])
     >>> record.t.tolist()
@@ -40,8 +38,6 @@ def without_long_steps(records) -> list[Record]:
 def substeps_along(record: Record, interval: float, substeps: int) -> int:
     """Return how many integration steps a record takes for its usual sample interval.
 
-    Examples
-    --------
     >>> t, none = np.array([0.0, 3.0, 6.0]), np.zeros((3, 0))
     >>> substeps_along(Record(t, none, None, np.zeros(1), "a", np.arange(3)), 1.0, 2)
     6

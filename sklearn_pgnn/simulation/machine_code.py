@@ -22,10 +22,7 @@ FULL = 16
 
 
 class CodeMemory:
-    """Memory of the machine code of some functions.
-
-    Their addresses are valid as long as this object lives.
-    """
+    """Memory of the machine code of functions, at valid addresses as long as it lives."""
 
     def __init__(self):
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())

@@ -495,8 +495,6 @@ class _Emission:
 def pieces_of_row(count: int) -> list[range]:
     """Return the pieces of a row, none wider than a vector register.
 
-    Examples
-    --------
     >>> pieces_of_row(11)
     [range(0, 8), range(8, 11)]
     """

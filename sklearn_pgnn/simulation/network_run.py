@@ -176,11 +176,7 @@ class FreeRun:
         self._unit = parameter_units(step.model, step.free)
 
     def __call__(self, record: NetworkRecord):
-        """Run along a trajectory.
-
-        Return the states, of shape (n_samples, n_states), the last ones within reach being repeated
-        once they leave it, and the first sample out of reach, -1 if there is none.
-        """
+        """Return the states, repeated once out of reach, and the first such sample, or -1."""
         n, nx = record.t.size, record.x0.size
         hidden = np.zeros(self._step.sizes[1] if self._step.core == "recurrent" else 0)
         states, none = np.empty((n, nx)), np.zeros((n, nx, 0))
@@ -248,11 +244,7 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
 
 
 def term_values(model: PhysicsModel, t, x, u, spread):
-    """Evaluate the terms of a model's rates besides states and inputs, and their derivatives.
-
-    `spread` are the standard deviations of the states; the derivatives are by these, (n_samples,
-    n_terms, n_states).
-    """
+    """Evaluate terms of rates, and their derivatives by states, (n_samples, n_terms, n_states)."""
     with_terms = _with_terms(model, tuple(float(value) for value in spread))
     return _output_values(with_terms, len(_seen_terms(model)), t, x, u)
 

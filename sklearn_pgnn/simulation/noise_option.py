@@ -8,12 +8,8 @@ from sklearn_pgnn.exceptions import OptionError
 
 
 def read_noise_std(noise_std, outputs: Sequence[str]) -> np.ndarray | None:
-    """Return the given noise, one number per output, or raise `OptionError`.
+    """Return the given noise, one number per output, or None; else raise `OptionError`.
 
-    A single number is taken for one output only; None is returned if none are given.
-
-    Examples
-    --------
     >>> read_noise_std(0.01, ["position"])
     array([0.01])
     >>> read_noise_std(0.01, ["position", "speed"])

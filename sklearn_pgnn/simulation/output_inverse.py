@@ -27,8 +27,6 @@ def state_behind(
     with a polynomial :math:`g`, whose limits are ignored: a reading at a limit is taken as if the
     scale went on.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.effects import SensorGain
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> cart = cart_on_spring() + SensorGain("position", error=0.25)
@@ -60,8 +58,6 @@ def has_scale(model: PhysicsModel, output: str, state: str) -> bool:
 def magnitude_in(output: sympy.Expr, state: str) -> sympy.Expr:
     """Return what an output shows of a state: the magnitude of it or of what holds it, or itself.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.expressions import parse_expression
     >>> magnitude_in(parse_expression("2*abs(x) + 1", "x"), "x")
     Abs(x)

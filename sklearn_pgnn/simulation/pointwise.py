@@ -20,12 +20,8 @@ _FUNCTIONS = {
 
 
 def numpy_function(names, expression):
-    """Write an expression, or a list of them, as a NumPy function of quantities by name.
+    """Write an expression, or a list, as a NumPy function of named quantities, in order.
 
-    The names are in the order of the arguments.
-
-    Examples
-    --------
     >>> numpy_function(["x"], sympy.Max(symbol("x"), 0))(np.array([-1.0, 2.0]))
     array([0., 2.])
     """
@@ -33,10 +29,7 @@ def numpy_function(names, expression):
 
 
 def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: int) -> np.ndarray:
-    """Evaluate an expression at every sample.
-
-    The values are not finite where the expression is not.
-    """
+    """Evaluate an expression at every sample, not finite where it is not."""
     names = tuple(sorted(map(str, expression.free_symbols)))
     # SymPy's conditions do not mix numbers and arrays
     values = (np.broadcast_to(np.asarray(table[name], dtype=float), (size,)) for name in names)

@@ -27,7 +27,6 @@ from sklearn_pgnn.simulation.substeps import (
 )
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
-from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.grid import step_of
 from sklearn_pgnn.trajectories.measured import (
     constant_outputs,
@@ -36,7 +35,7 @@ from sklearn_pgnn.trajectories.measured import (
     where_measured,
 )
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
-from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.record import Record, split_at_gaps
 
 #: fewest samples of a window, and fewest windows of all records
 MIN_SAMPLES, MIN_WINDOWS = 20, 8

@@ -240,8 +240,6 @@ def simulate_acting(
 def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
     """Return how inputs run between samples: as given, else as in the model, else held.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> hold_of(lag), hold_of(lag.replace(simulation={"hold": "foh"})), hold_of(lag, "foh")
     ('zoh', 'foh', 'foh')
@@ -266,8 +264,6 @@ def told_steps(
 def substeps_of(model: PhysicsModel, substeps: int | None = None) -> int:
     """Return the integration steps from sample to sample: as given, else as in the model, else 1.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> substeps_of(lag), substeps_of(lag.replace(simulation={"substeps": 4})), substeps_of(lag, 2)
     (1, 4, 2)

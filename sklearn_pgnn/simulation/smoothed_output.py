@@ -13,10 +13,7 @@ HALF = 10
 
 
 class SmoothedOutput:
-    """An output of every record, smoothed with the same penalty in time.
-
-    `column` is that of the output, `state` what it shows.
-    """
+    """An output of every record that shows a state, smoothed with the same penalty in time."""
 
     def __init__(self, windows: ShootingWindows, column: int, name: str, state: str):
         self.name, self.state, self._noise = name, state, float(windows.scale[column])
@@ -67,10 +64,7 @@ class SmoothedOutput:
 
     @cached_property
     def variances(self) -> np.ndarray:
-        """Variances of value and slope at measured samples, of shape (n_records, 2).
-
-        This costs more than the smoothing.
-        """
+        """Variances of value and slope at measured samples, of shape (n_records, 2); costly."""
         found = np.zeros((len(self._records), 2))
         for r in np.flatnonzero(self.counts).tolist():
             t, y = self._records[r]

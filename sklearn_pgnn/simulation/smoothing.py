@@ -78,8 +78,6 @@ class NaturalSpline:
 
     The times increase; there are at least three samples.
 
-    References
-    ----------
     .. [1] P. J. Green, B. W. Silverman, "Nonparametric regression and generalized linear models",
        Chapman and Hall, 1994, section 2.3.3.
     """
@@ -98,21 +96,13 @@ class NaturalSpline:
         )
 
     def smoothed(self, penalty) -> PPoly:
-        """Return the smoothing spline.
-
-        The penalty on the curvature has the unit of time cubed; for several penalties the spline
-        gives values of shape (..., n_penalties).
-        """
+        """Return the splines, (..., n_penalties), for penalties [s^3] on the curvature."""
         value, curvature = self._at_samples(np.atleast_1d(penalty))
         pieces = _pieces(self.h[:, None], value[:-1], value[1:], curvature[:-1], curvature[1:])
         return PPoly(np.stack(pieces).reshape(4, self.h.size, *np.shape(penalty)), self.t)
 
     def predicted(self, penalties, t) -> np.ndarray:
-        """Return the values of `smoothed` at a few times, located once for all penalties.
-
-        The times lie between the first sample and the last; the values have shape (n_times,
-        n_penalties).
-        """
+        """Return the values of `smoothed`, (n_times, n_penalties), at times between the samples."""
         value, curvature = self._at_samples(penalties)
         i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, self.h.size - 1)
         after = (t - self.t[i])[:, None]
@@ -157,8 +147,6 @@ def _symmetric(diagonal, next_to_it, two_off) -> np.ndarray:
 def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smoothed:
     """Fit a cubic smoothing spline whose penalty cross-validation chooses.
 
-    References
-    ----------
     .. [1] G. Wahba, "Spline models for observational data", SIAM, 1990,
        :doi:`10.1137/1.9781611970128`.
     """

@@ -24,10 +24,7 @@ ENDLESS = 1e100
 
 @dataclass(frozen=True)
 class StateEstimate:
-    """States at every sample of the records.
-
-    `x` has shape (n_samples, n_states), its uncertainty `spread` (n_states,).
-    """
+    """States (n_samples, n_states) of the records, and their uncertainty (n_states,)."""
 
     x: np.ndarray
     spread: np.ndarray

@@ -39,10 +39,7 @@ MEASURED_SPREAD = 0.3
 
 @dataclass(frozen=True)
 class Source:
-    """An output that shows a state.
-
-    The state is the output's value, or its slope where `derivative` is 1.
-    """
+    """An output that shows a state by its value, or by its slope where `derivative` is 1."""
 
     smoothed: SmoothedOutput
     derivative: int
@@ -55,11 +52,7 @@ class Source:
 
 @dataclass(frozen=True)
 class TakenState:
-    """A state as it is taken from the outputs that show it.
-
-    `sources` is from which output it is taken in every record, and `bounds` the first samples of
-    the records, and the number of all.
-    """
+    """A state as taken from the outputs that show it, the best of each record."""
 
     sources: tuple[Source, ...]
     bounds: np.ndarray

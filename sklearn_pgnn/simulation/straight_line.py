@@ -33,13 +33,8 @@ _MULTIPLIED = 16
 
 
 class Assignments:
-    """A model's source, parsed: what its entries are, and what they need.
+    """A model's source, one assignment a line, parsed: what its entries are, and what they need.
 
-    There is one a line, to a name or to ``out[i]``; they read ``t``, names that stand before, and
-    elements of arrays.
-
-    Examples
-    --------
     >>> lines = Assignments("c = x[0]*t" + chr(10) + "out[0] = 2*c" + chr(10) + "out[1] = 0")
     >>> lines.is_zero(0), lines.is_zero(1), [name for name, _ in lines.needed([0])]
     (False, True, ['c'])
@@ -96,10 +91,7 @@ def emit_entries(
     t,
     read: Callable[[str, int], ir.Value],
 ) -> list[ir.Value]:
-    """Emit some entries of a model's source.
-
-    ``read(array, i)`` returns the value of an array's element.
-    """
+    """Emit entries of a model's source; ``read(array, i)`` returns an array's element."""
     emitter = _Emitter(builder, t, read)
     for name, expression in lines.needed(entries):
         emitter.names[name] = emitter.number(expression)

@@ -35,8 +35,6 @@ class Steps(NamedTuple):
     def are_stable(self, fast: float) -> bool:
         """Return whether a model is as fast as these steps allow, or slower.
 
-        Examples
-        --------
         >>> Steps("rk4", 4).are_stable(10.0), Steps("rosenbrock", 1).are_stable(1e6)
         (False, True)
         """
@@ -70,8 +68,6 @@ def enough_steps(
     stable dynamics that fast only: they would hide a growth. A simulation that diverges is
     reported elsewhere.
 
-    Examples
-    --------
     >>> run = lambda steps: (1 + 1 / steps.substeps) ** steps.substeps
     >>> enough_steps(run, lambda one, other: abs(one - other) / 0.1)
     Steps(method='rk4', substeps=8)

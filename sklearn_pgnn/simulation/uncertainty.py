@@ -67,8 +67,6 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     and the inverse variances :math:`P` of the parameters' priors; never less than the
     :math:`H^{-1}` of white noise, since there may be few blocks.
 
-    References
-    ----------
     .. [1] H. White, "Maximum likelihood estimation of misspecified models", Econometrica 50,
        1982, :doi:`10.2307/1912526`.
     """
@@ -229,8 +227,6 @@ def propagated_variance(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarra
     .. math:: \sigma_k^2 = \frac{\partial \hat y_k}{\partial p} C
               \left(\frac{\partial \hat y_k}{\partial p}\right)^T
 
-    Examples
-    --------
     >>> propagated_variance(np.array([[[2.0, 0.0]], [[1.0, 1.0]]]), np.eye(2)).ravel().tolist()
     [4.0, 2.0]
     """

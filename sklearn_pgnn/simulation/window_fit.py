@@ -41,10 +41,7 @@ _F1, _F2, _F4 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, :
 
 @dataclass(frozen=True)
 class ParameterPrior:
-    """Bounds, Gaussian prior and scale of a parameter in a fit.
-
-    An infinite `spread` means no Gaussian prior; `scale` is a typical size of a change.
-    """
+    """Bounds, spread (infinite for none) and typical change of a parameter in a fit."""
 
     name: str
     low: float

@@ -96,10 +96,7 @@ class ShootingWindows:
         return {**self.steps._asdict(), "hold": self.hold, "usual": usual}
 
     def select(self, which) -> "ShootingWindows":
-        """Return some of the windows.
-
-        `which` is a mask or indices.
-        """
+        """Return the windows of a mask or of indices."""
         some = replace(self, starts=self.starts[which], lengths=self.lengths[which])
         vars(some)["usual_intervals"] = self.usual_intervals[which]  # the records are the same
         return some
@@ -177,17 +174,11 @@ class Evaluation:
         return self.block_gram[:, :, -1, -1]
 
     def select(self, which) -> "Evaluation":
-        """Return the evaluation of some of the windows.
-
-        `which` is a mask or indices; the residuals are those of all.
-        """
+        """Return the evaluation of the windows of a mask or indices; its residuals are all."""
         return Evaluation(self.block_gram[which], self.residual, self.x0[which])
 
     def replaced(self, windows: ShootingWindows, which, other: "Evaluation", part) -> "Evaluation":
-        """Return the evaluation with some windows replaced by another's.
-
-        The windows `which` are replaced by the windows `part` of the other.
-        """
+        """Return the evaluation with windows `which` replaced by windows `part` of another."""
         gram, residual, x0 = self.block_gram.copy(), self.residual.copy(), self.x0.copy()
         gram[which], x0[which] = other.block_gram[part], other.x0[part]
         for a, n in zip(windows.starts[which], windows.lengths[which], strict=True):

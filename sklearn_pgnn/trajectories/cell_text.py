@@ -42,8 +42,6 @@ _PATTERNS = {".": _pattern(r"\.", ","), ",": _pattern(",", r"\.")}
 def read_number(cell: Any, mark: str = ".") -> float | None:
     """Return a number, NaN for an empty cell, None for anything else.
 
-    Examples
-    --------
     >>> read_number("1,736.9"), read_number("1.736,9", ","), read_number("2.5D-03")
     (1736.9, 1736.9, 0.0025)
     >>> read_number("1.#QNAN"), read_number("half")
@@ -89,8 +87,6 @@ def _number(text: str, mark: str) -> float | None:
 def mark_of(cells: Iterable[Any]) -> str:
     """Return the mark of the decimals that the first telling cell has; nothing if both may be.
 
-    Examples
-    --------
     >>> mark_of(["2", "0,5"]), mark_of(["1.736"]), mark_of(["1,736.9"])
     (',', '', '.')
     """
@@ -102,16 +98,9 @@ def mark_of(cells: Iterable[Any]) -> str:
     return ""
 
 
-def has_commas(cells: Iterable[Any]) -> bool:
-    """Whether some text has a comma, so that its numbers are not simply those of a computer."""
-    return any(isinstance(cell, str) and "," in cell for cell in cells)
-
-
 def may_be_two(cell: Any) -> bool:
     """Whether a text is one number with a decimal point and another with a decimal comma.
 
-    Examples
-    --------
     >>> may_be_two("1,736"), may_be_two("0,736"), may_be_two("12")
     (True, False, False)
     """
@@ -158,8 +147,6 @@ class UnclearTimes(ValueError):
 def read_times(cells: list[Any]) -> pd.Series | None:
     """Return dates or time differences, NaT where a cell is neither; None if the first is none.
 
-    Examples
-    --------
     >>> read_times(["31.01.2026 12:00:00,500", "1.2.2026 12:00:00"]).diff()[1]
     Timedelta('0 days 23:59:59.500000')
     >>> read_times(["23:59:59.98", "00:00:00.00"]).diff()[1]

@@ -77,11 +77,7 @@ LONGEST = 64
 
 
 class BagLog(ChannelLog):
-    """A bag; a channel is called ``/topic/field``, an element of an array ``/topic/field/0``.
-
-    Its clock is the time stamp in the messages' headers if there is one, else the time at which
-    they were received.
-    """
+    """A bag of ``/topic/field/0``, by the stamps in headers, else the time of receiving."""
 
     def __init__(self, path: str):
         with needed_by("Reading a ROS bag"):
@@ -131,10 +127,7 @@ def is_bag_folder(path: FilePath) -> bool:
 
 
 def numbers(message: object, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the numbers in a message, each with the path of its field.
-
-    A path is ``/field``, and so on; the header is skipped.
-    """
+    """Yield the numbers in a message but its header, each with its field's path, ``/field``."""
     if isinstance(message, bool | int | float | np.number | np.bool_):
         yield path, float(message)
     elif isinstance(message, list | tuple | np.ndarray):

@@ -25,10 +25,7 @@ AT_THE_ENDS = 0.01
 
 
 class Channel(NamedTuple):
-    """The samples of a channel.
-
-    Times [s] are on the channel's own clock.
-    """
+    """The samples of a channel, with times [s] on its own clock."""
 
     t: np.ndarray
     values: np.ndarray
@@ -59,11 +56,7 @@ def join_channels(
     hold: str = "zoh",
     sample_time: float | None = None,
 ) -> pd.DataFrame:
-    """Join channels into one table.
-
-    A `RecordWarning` tells if more than a hundredth of the measurements lies at times at which not
-    all inputs were recorded, or the outputs were not measured at the same times.
-    """
+    """Join channels into one table; a `RecordWarning` tells what is left out or apart."""
     inputs, states, outputs = (
         {title: _settled(path, title, channel) for title, channel in part.items()}
         for part in (inputs, states, outputs)

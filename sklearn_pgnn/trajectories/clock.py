@@ -49,8 +49,6 @@ class Backward(NamedTuple):
 def usual_step(t: np.ndarray) -> float:
     """Return the median of the steps forward, NaN where there is none.
 
-    Examples
-    --------
     >>> usual_step(np.array([0.0, 0.0, 0.5, 1.0, 0.5, 1.0]))
     0.5
     """
@@ -75,15 +73,7 @@ def counted_on(t: np.ndarray, second: float, dated: bool = False) -> tuple[np.nd
 
 
 def rows_at_one_time(t: np.ndarray, same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows that repeat the one before, and those replaced by the next, at one time.
-
-    Examples
-    --------
-    >>> t = np.array([0.0, 1.0, 1.0, 2.0, 3.0, 3.0, 4.0, 5.0, 6.0, 7.0])
-    >>> same = np.arange(9) == 1
-    >>> rows_at_one_time(t, same)
-    (array([2]), array([4]))
-    """
+    """Return the rows that repeat the one before, and those replaced by the next, at one time."""
     still = np.diff(t) == 0
     repeats = np.flatnonzero(still & same) + 1
     kept = np.delete(np.arange(t.size), repeats)
@@ -230,10 +220,7 @@ class ClockColumn:
 
 
 def check_sample_interval(value: float, name: str = "interval", remedy: str = "") -> None:
-    """Raise `OptionError` unless a sample interval is a finite time above 0.
-
-    It is in seconds; `remedy` is what the message proposes.
-    """
+    """Raise `OptionError` with a remedy unless an interval is a finite time [s] above 0."""
     is_number = isinstance(value, Real) and not isinstance(value, bool)
     if is_number and 0 < float(value) < math.inf:
         return

@@ -31,10 +31,7 @@ def warn_of_contradicted_states(model: PhysicsModel, records: Sequence[Record]) 
 
 
 def warn_of_unknown_starts(model: PhysicsModel, records: Sequence[Record]) -> None:
-    """Warn where X gives no initial state and most trajectories begin elsewhere than the model.
-
-    A prediction starts them as the model says: nothing else is known before the measurements.
-    """
+    """Warn where X gives no initial state and most trajectories begin elsewhere than the model."""
     for i, state, names in _shown_states(model):
         if names[1] in model.settled:
             continue  # starts at the first value of its input
@@ -54,13 +51,6 @@ def warn_of_missing_starts(
 
     `is_told`, of shape (n_states,), is whether all trajectories of the fit had the initial value of
     a state.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
-    >>> warn_of_missing_starts(lag, np.array([False]), read_records(lag, X))  # as in the fit
     """
     expected = [i for i in np.flatnonzero(is_told) if list(model.states)[i] not in model.settled]
     lacking = [record for record in records if np.isnan(record.x0[expected]).any()]
@@ -80,10 +70,7 @@ def warn_of_missing_starts(
 
 
 def told_in_all(records: Sequence[Record]) -> np.ndarray:
-    """Return for every state whether all trajectories have its initial value.
-
-    See `warn_of_missing_starts`.
-    """
+    """Return for every state whether all trajectories have its initial value."""
     return np.isfinite(np.array([record.x0 for record in records])).all(axis=0)
 
 
@@ -97,11 +84,7 @@ def _shown_states(model: PhysicsModel) -> list[tuple[int, int, tuple[str, str]]]
 def _elsewhere(
     records: Sequence[Record], i: int, asked: Sequence[Record], starts: Sequence[float]
 ) -> tuple[tuple[Record, float, float] | None, tuple[int, int]]:
-    """Return the first record asked whose output begins elsewhere than it should, if most do.
-
-    Return it with where it begins and where it should, or None; and the number of such records, and
-    of those asked whose first sample was measured.
-    """
+    """Return the first record whose output begins elsewhere, if most do, and counts."""
     pairs = zip(asked, (np.asarray(r.y)[:, i] for r in asked), starts, strict=True)
     begun = [((r, float(y[0]), start), y) for r, y, start in pairs if np.isfinite(y[0])]
     if not begun:

@@ -227,11 +227,6 @@ def choose_separator(texts: list[str], names: list[str]) -> str:
     """Return the separator with which a line names most quantities; else that of most lines.
 
     Blanks divide what tabs divide, too, and therefore come last.
-
-    Examples
-    --------
-    >>> choose_separator(["rig 3, hall 2", "t;force, raw;speed", "0,0;1,5;2"], ["t", "speed"])
-    ';'
     """
 
     def suits(separator: str) -> tuple[int, bool, float]:

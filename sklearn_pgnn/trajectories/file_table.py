@@ -20,7 +20,6 @@ from sklearn_pgnn.physics.unit_check import output_measure
 from sklearn_pgnn.physics.units import conversion, is_like, plain_unit, read_unit, unit_text
 from sklearn_pgnn.trajectories.cell_text import (
     UnclearTimes,
-    has_commas,
     mark_of,
     may_be_two,
     read_number,
@@ -310,7 +309,8 @@ class FileTable(ABC):
         model = self.model
         used = {self.find(n) for n in (TIME, *model.inputs, *model.states, *(model.outputs or ()))}
         columns = {k: self.cells(k) for k in used - {None} if k is not None}
-        if not any(map(has_commas, columns.values())):
+        cells = (cell for column in columns.values() for cell in column)
+        if not any(isinstance(cell, str) and "," in cell for cell in cells):
             return {}
         return {k: mark_of(cells) for k, cells in columns.items()}
 

@@ -148,13 +148,7 @@ def _encoding(path: str, raw: bytes) -> str:
 
 
 def stem(path: str) -> str:
-    """Return a file's name without its endings, with question marks for bytes that are no text.
-
-    Examples
-    --------
-    >>> stem("rig/run_1.csv.gz"), stem("run.1.csv"), stem("run.zip")
-    ('run_1', 'run.1', 'run')
-    """
+    """Return a file's name without its endings, with question marks for bytes that are no text."""
     name, ending = os.path.splitext(os.path.basename(os.path.normpath(path)))
     name = os.path.splitext(name)[0] if ending.lower() in PACKED else name
     return name.encode(errors="replace").decode()

@@ -32,8 +32,6 @@ def counted_step(values: np.ndarray) -> float:
     Values return, and the gaps :math:`d` between those next to each other are multiples of a step
     :math:`q` but for the decimals :math:`g`, :math:`|d - q\,\mathrm{round}(d/q)| \le g`.
 
-    Examples
-    --------
     >>> turn = np.round(2 * np.pi / 400 * np.rint(60 * np.sin(np.arange(900) / 40)), 5)
     >>> round(counted_step(turn), 5)
     0.01571
@@ -77,12 +75,8 @@ def step_of(pieces: Sequence[np.ndarray]) -> float:
 
 
 def steps_at(values: np.ndarray) -> np.ndarray:
-    """Return for every value the distance to the nearest other one.
+    """Return for every value the distance to the nearest other: no step is longer.
 
-    No step of a sensor is longer, be its steps even or not.
-
-    Examples
-    --------
     >>> steps_at(np.array([0.0, 0.0, 2.0, 3.0])).tolist()
     [2.0, 2.0, 1.0, 1.0]
     """

@@ -37,12 +37,7 @@ REMEDY = (
 def refuse_standardised(
     model: PhysicsModel, records: Sequence[Record], *, energies: bool = False
 ) -> None:
-    """Refuse records that a scaler has stripped of their units.
-
-    These are standardised times, or times and inputs that nearly are, as in a part of such a table.
-    Where `energies` are computed from the records, one input or output that is exactly standardised
-    over all of them, and not set by hand, suffices.
-    """
+    """Refuse standardised times, with inputs also parts of such, and for energies any column."""
     t = np.concatenate([record.origin + record.t for record in records])
     if t.size < FEWEST:
         return
@@ -61,15 +56,7 @@ def refuse_standardised(
 
 
 def warn_of_standardised_outputs(model: PhysicsModel, records: Sequence[Record]) -> None:
-    """Warn of outputs that a scaler has stripped of their units, to which a model is fitted.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(20.0), np.ones(20)])
-    >>> warn_of_standardised_outputs(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # volts
-    """
+    """Warn of outputs that a scaler has stripped of their units, to which a model is fitted."""
     y = np.concatenate([record.y for record in records])
     lost = [
         name

@@ -17,8 +17,6 @@ from sklearn_pgnn.user_line import warn_user
 def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
     """Return a statistic of every column, NaN where nothing was measured.
 
-    Examples
-    --------
     >>> of_measured(np.nanmean, np.array([[1.0, np.nan], [2.0, np.nan]])).tolist()
     [1.5, nan]
     """
@@ -28,8 +26,6 @@ def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
 def where_measured(y: np.ndarray) -> np.ndarray:
     """Return at which samples some output was measured.
 
-    Examples
-    --------
     >>> where_measured(np.array([[1.0, np.nan], [np.nan, np.nan]])).tolist()
     [True, False]
     """
@@ -42,8 +38,6 @@ def where_measured(y: np.ndarray) -> np.ndarray:
 def spans_of(y: np.ndarray) -> np.ndarray:
     """Return the largest less the smallest value of every column, NaN where nothing was measured.
 
-    Examples
-    --------
     >>> spans_of(np.array([[1.0, np.nan], [3.0, np.nan], [np.nan, np.nan]])).tolist()
     [2.0, nan]
     """
@@ -57,37 +51,12 @@ SEVERAL = 8
 
 
 def constant_outputs(records: Sequence[Record]) -> np.ndarray:
-    """Return which outputs have no two different values in a record; they tell nothing of noise.
-
-    The result has shape (n_records, n_outputs), and is also true for outputs that were not
-    measured.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.tile(np.arange(4.0), 2), np.ones(8)])
-    >>> records = read_records(lag, X, [0.0, 0.4, 0.6, 0.8, 0.1, 0.1, np.nan, 0.1])
-    >>> constant_outputs(records).tolist()
-    [[False], [True]]
-    """
+    """Return, (n_records, n_outputs), which outputs have no two different values, if any."""
     return ~(np.array([spans_of(np.asarray(record.y)) for record in records]) > 0)
 
 
 def remarks_on_dead_outputs(model: PhysicsModel, records: Sequence[Record]) -> list[str]:
-    """Return remarks on outputs that change in some records, and in others not though inputs do.
-
-    Each has its remedy.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.tile(np.arange(9.0), 2), np.arange(18.0)])
-    >>> records = read_records(lag, X, [*np.linspace(0.0, 0.8, 9), *[0.1] * 9])
-    >>> remarks_on_dead_outputs(lag, records)[0].split(":")[0]
-    "output 'y' has one value only throughout trajectory '1' (0.1 V)"
-    """
+    """Return remarks on outputs that change in some records only though inputs do in all."""
     still = constant_outputs(records)
     if not still.any():
         return []
@@ -118,13 +87,6 @@ def warn_of_constant_outputs(
     """Warn of outputs that never change: in some records, or in all, where no noise is known.
 
     `noise_is_told` is whether the noise of the outputs need not be estimated.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
-    >>> warn_of_constant_outputs(lag, read_records(lag, X, np.arange(9.0)))  # none is constant
     """
     for remark in remarks_on_dead_outputs(model, records):
         warn_user(f"y: {remark}", RecordWarning)

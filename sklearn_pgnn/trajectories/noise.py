@@ -34,8 +34,6 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     half of the record (the eigenvector of the least eigenvalue of its covariance [1]_), applied to
     the other half. Medians exclude jumps and corners.
 
-    References
-    ----------
     .. [1] V. F. Pisarenko, "The retrieval of harmonics from a covariance function", Geophysical
        Journal International 33(3), 1973, :doi:`10.1111/j.1365-246X.1973.tb03424.x`.
     """
@@ -53,8 +51,6 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     """Return a quick upper estimate of the noise: the residue of the third differences.
 
-    Examples
-    --------
     >>> y = np.sin(2 * np.pi * np.arange(2000) / 8)
     >>> bool(rough_noise_level(y) > noise_level(y))
     True
@@ -167,10 +163,7 @@ def _whole_windows(y: np.ndarray) -> np.ndarray:
 
 
 def _least_direction(y: np.ndarray, places: np.ndarray, straight: np.ndarray) -> np.ndarray:
-    """Return the combination that is smallest on the windows that begin at these indices.
-
-    It is their last right singular vector.
-    """
+    """Return the combination that is smallest on windows, a right singular vector."""
     windows = sliding_window_view(y, TAPS)
     rows = triangle((straight.T @ windows[places[of]].T).T for of in blocks(places.size))
     return np.linalg.svd(rows)[2][-1]

@@ -45,10 +45,7 @@ def _measured(*ys: pd.DataFrame) -> set[str]:
 
 
 def _named(Xs: list[pd.DataFrame], stems: list[str]) -> list[pd.DataFrame]:
-    """Return every X with its file's name, made unique, before those of its trajectories.
-
-    A file that is one record has its name alone.
-    """
+    """Return every X with its file's unique name, before those of several trajectories."""
     named: list[pd.DataFrame] = []
     for X, own, name in zip(Xs, stems, unique(stems), strict=True):
         inside = X[TRAJECTORY]
@@ -58,13 +55,7 @@ def _named(Xs: list[pd.DataFrame], stems: list[str]) -> list[pd.DataFrame]:
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """Return the names made unique; repeated ones get a number.
-
-    Examples
-    --------
-    >>> unique(["run", "run", "run-2"])
-    ['run', 'run-2', 'run-2-2']
-    """
+    """Return the names made unique; repeated ones get a number."""
     found: list[str] = []
     for name in names:
         new, count = name, 1

@@ -15,8 +15,6 @@ _WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 def cut(text: str, most: int) -> str:
     """Return the beginning of a text that is too long.
 
-    Examples
-    --------
     >>> cut("0123456789", 8)
     '01234...'
     """
@@ -26,8 +24,6 @@ def cut(text: str, most: int) -> str:
 def shown(cell: Any) -> str:
     """Return a cell, a text in quotes.
 
-    Examples
-    --------
     >>> shown("off"), shown(1.5), len(shown(10**6 * "9"))
     ("'off'", '1.5', 62)
     """
@@ -42,8 +38,6 @@ def listed(names: Iterable[str]) -> str:
 def as_yaml(name: str) -> str:
     """Return a name as a model file has to write it, in quotes where YAML would read another.
 
-    Examples
-    --------
     >>> print(as_yaml("speed"), as_yaml("speed: raw"), as_yaml("'t'"), as_yaml("no"))
     speed "speed: raw" "'t'" "no"
     """

@@ -14,17 +14,7 @@ TIME = "t"
 
 
 def as_table(X: Table, time_column: Column | None = None) -> Table:
-    """Return a DataFrame of any library as a pandas one, with its clock as a column.
-
-    An index of dates or of time differences becomes the column ``t``, if X has no such column and
-    `time_column` is not given. Anything but a DataFrame is returned unchanged.
-
-    Examples
-    --------
-    >>> index = pd.to_datetime(["2026-01-31 12:00:00", "2026-01-31 12:00:01"])
-    >>> as_table(pd.DataFrame({"u": [1.0, 2.0]}, index)).columns.tolist()
-    ['t', 'u']
-    """
+    """Return a DataFrame of any library as pandas', an index of times as its column ``t``."""
     table = as_pandas(X)
     if not isinstance(table, pd.DataFrame) or time_column is not None or TIME in table.columns:
         return table
@@ -36,15 +26,7 @@ def as_table(X: Table, time_column: Column | None = None) -> Table:
 
 
 def as_pandas(X: Table) -> Table:
-    """Return a DataFrame or Series of any library as a pandas one, anything else unchanged.
-
-    Its numbers get native byte order, the only one that pandas reads.
-
-    Examples
-    --------
-    >>> as_pandas(np.array([1.0], dtype=">f8")).dtype
-    dtype('float64')
-    """
+    """Return a DataFrame or Series of any library as pandas', anything else unchanged."""
     if isinstance(X, pd.DataFrame | pd.Series | np.ndarray):
         return _in_native_order(X)
     native = nw.from_native(X, pass_through=True, allow_series=True)  # polars, pyarrow and others
@@ -79,24 +61,13 @@ def _native(values: pd.Series | np.ndarray) -> pd.Series | np.ndarray:
 
 
 def as_columns(values: ArrayLike) -> np.ndarray:
-    """Return numbers with one column per output; a plain sequence becomes one column.
-
-    The numbers are in double precision.
-
-    Examples
-    --------
-    >>> as_columns([1, 2]).tolist()
-    [[1.0], [2.0]]
-    """
+    """Return numbers in double precision with one column per output, also of a plain sequence."""
     values = np.asarray(values, dtype=float)
     return values.reshape(len(values), -1)
 
 
 def take_rows(table: Table, rows: np.ndarray) -> Table:
-    """Return some rows of a table.
-
-    They are a table of the same type.
-    """
+    """Return some rows of a table as one of the same type."""
     if hasattr(table, "iloc"):
         return table.iloc[rows]
     native = nw.from_native(table, pass_through=True, allow_series=True, eager_only=True)
@@ -106,14 +77,7 @@ def take_rows(table: Table, rows: np.ndarray) -> Table:
 
 
 def read_clock(column: pd.Series, what: str) -> tuple[np.ndarray, float] | None:
-    """Read dates or time differences without loss.
-
-    Examples
-    --------
-    >>> ticks, tick = read_clock(pd.Series(pd.to_timedelta([0, 5], unit="ms")), "t")
-    >>> ((ticks - ticks[0]) * tick).tolist()
-    [0.0, 0.005]
-    """
+    """Read dates or time differences without loss."""
     if column.dtype.kind not in "mM":
         return None
     empty = np.flatnonzero(column.isna())
@@ -132,8 +96,6 @@ def read_clock(column: pd.Series, what: str) -> tuple[np.ndarray, float] | None:
 def read_numbers(column: pd.Series, what: str) -> np.ndarray:
     """Read a column as real numbers, NaN where there is no value.
 
-    Examples
-    --------
     >>> read_numbers(pd.Series([1, None, 3], dtype="Int64"), "X: input 'u'").tolist()
     [1.0, nan, 3.0]
     """
@@ -156,45 +118,20 @@ SIMULATED = "_phy"
 
 
 def column_of(model: PhysicsModel, name: str, columns: Collection[str]) -> str | None:
-    """Return the name of the column that holds a quantity, or None if there is none.
-
-    The name may be ``t`` or ``trajectory``, too; the model's `columns` give the names in the table.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y"}, columns={"y": "level"})
-    >>> column_of(lag, "y", ["t", "level"]), column_of(lag, "y", ["t", "y"])
-    ('level', 'y')
-    """
+    """Return the column of a quantity, ``t`` or ``trajectory``, or None if there is none."""
     called = model.columns.get(name, name)
     return next((each for each in (called, name) if each in columns), None)
 
 
 def time_name(columns: Collection[str], time_column: Column | None) -> str | None:
-    """Return the name of the column that `time_column` refers to; a number is its position.
-
-    None is returned unchanged.
-
-    Examples
-    --------
-    >>> time_name(["u", "clock"], -1), time_name(["u", "clock"], "clock")
-    ('clock', 'clock')
-    """
+    """Return the name of the column that `time_column` refers to, by name or position."""
     if time_column is None or isinstance(time_column, str):
         return time_column
     return list(columns)[place_of(time_column, len(columns))]
 
 
 def place_of(time_column: Column, width: int) -> int:
-    """Return the position of the time among the columns.
-
-    A negative number counts from the last column.
-
-    Examples
-    --------
-    >>> place_of(-1, 3)
-    2
-    """
+    """Return the position of the time among the columns; a negative number counts from the last."""
     if not isinstance(time_column, int | np.integer) or not -width <= time_column < width:
         raise RecordError(
             f"time_column: expected a column number from 0 to {width - 1}, got {time_column!r}."
@@ -203,26 +140,12 @@ def place_of(time_column: Column, width: int) -> int:
 
 
 def is_named(table: Table) -> bool:
-    """Return whether a table has columns with names.
-
-    An array has none, nor has a DataFrame whose columns are numbered.
-
-    Examples
-    --------
-    >>> is_named(pd.DataFrame({"t": [0.0]})), is_named(pd.DataFrame([[0.0]]))
-    (True, False)
-    """
+    """Return whether a table has columns with names: no array, no DataFrame of numbered columns."""
     return isinstance(table, pd.DataFrame) and all(isinstance(name, str) for name in table.columns)
 
 
 def once(table: pd.DataFrame, name: str, what: str) -> pd.Series:
-    """Return the column with a name that must be unique.
-
-    Examples
-    --------
-    >>> once(pd.DataFrame({"u": [1.0]}), "u", "X: column").tolist()
-    [1.0]
-    """
+    """Return the column with a name that must be unique."""
     column = table[name]
     if isinstance(column, pd.DataFrame):
         raise RecordError(f"{what} {name!r} is there {column.shape[1]} times; expected it once.")

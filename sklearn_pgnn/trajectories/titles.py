@@ -13,18 +13,7 @@ LONGEST = 200
 
 
 def split_title(title: str) -> tuple[str, str]:
-    """Return the name and the unit of a column, empty if there is none.
-
-    Text in round brackets may be a remark; a known unit stands behind a slash, a comma, a colon or
-    ``in``.
-
-    Examples
-    --------
-    >>> split_title("torque [N m]"), split_title("speed / m/s"), split_title("Weg in mm")
-    (('torque', 'N m'), ('speed', 'm/s'), ('Weg', 'mm'))
-    >>> split_title("valve in use"), split_title("/joints/position")
-    (('valve in use', ''), ('/joints/position', ''))
-    """
+    """Return the name and the unit of a column, in brackets or behind a slash, a comma, ``in``."""
     bracketed = _bracketed(title)
     if bracketed is not None:
         return bracketed
@@ -88,8 +77,6 @@ BEGINNING = 3
 def likeness(own: str, theirs: str) -> tuple[int, float]:
     """Return how many words, and what fraction of their letters, two names share, for a ranking.
 
-    Examples
-    --------
     >>> likeness("motor_force", "Force (raw)")
     (1, 0.454...)
     """

@@ -39,17 +39,7 @@ SHORT = 3.0
 
 
 def refuse_torn_rows(times: Sequence[np.ndarray]) -> None:
-    """Raise `RecordError` where trajectories consist of single rows drawn from records.
-
-    Examples
-    --------
-    >>> drawn = np.random.default_rng(0).permutation(100)[:80]
-    >>> refuse_torn_rows([0.01 * np.sort(drawn)])
-    Traceback (most recent call last):
-        ...
-    sklearn_pgnn.exceptions.RecordError: X: 2... % of the rows are missing, one by one and at \
-random, ...
-    """
+    """Raise `RecordError` where trajectories consist of single rows drawn from records."""
     if _is_shuffled(times):
         raise RecordError(
             "X: expected the rows of a trajectory in the order of their time, got rows in random "

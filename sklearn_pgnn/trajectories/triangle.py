@@ -24,8 +24,6 @@ def triangle(parts: Iterable[np.ndarray]) -> np.ndarray:
     stacked on the next block, has the same triangle as all of them together; the zeros below its
     diagonal are not computed with.
 
-    Examples
-    --------
     >>> A = np.arange(12.0).reshape(6, 2)
     >>> R = triangle([A[:3], A[3:]])
     >>> bool(np.allclose(R.T @ R, A.T @ A))

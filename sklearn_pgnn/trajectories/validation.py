@@ -12,15 +12,13 @@ from sklearn.utils.validation import validate_data
 from sklearn_pgnn.annotations import ArrayLike, Table
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.outputs import read_outputs, refuse_other_order
+from sklearn_pgnn.trajectories.reader import read_outputs, refuse_other_order
 from sklearn_pgnn.trajectories.tables import as_table, is_named
 
 
 def check_model(model: object, *, optional: bool = False) -> None:
     """Raise `TypeError` unless the parameter ``model`` is a `PhysicsModel`.
 
-    Examples
-    --------
     >>> check_model("model.yaml")
     Traceback (most recent call last):
         ...
@@ -42,16 +40,7 @@ def _short(value: object) -> str:
 
 
 def require_target(estimator: BaseEstimator, X: Table, y: Table) -> None:
-    """Raise `ValueError` if `fit` got no y, in scikit-learn's words, or the rows in another order.
-
-    Examples
-    --------
-    >>> from sklearn.base import BaseEstimator
-    >>> require_target(BaseEstimator(), [[0.0]], None)
-    Traceback (most recent call last):
-        ...
-    ValueError: BaseEstimator requires y to be passed, but the target y is None.
-    """
+    """Raise `ValueError` if `fit` got no y, in scikit-learn's words, or rows in another order."""
     if y is None:
         raise ValueError(
             f"{type(estimator).__name__} requires y to be passed, but the target y is None."
@@ -60,19 +49,7 @@ def require_target(estimator: BaseEstimator, X: Table, y: Table) -> None:
 
 
 def refuse_fit_params(estimator: BaseEstimator, fit_params: dict) -> None:
-    """Raise `OptionError` for weights of samples, and `TypeError` for what `fit` does not know.
-
-    In `fit_params` None stands for nothing.
-
-    Examples
-    --------
-    >>> from sklearn.base import BaseEstimator
-    >>> refuse_fit_params(BaseEstimator(), {"sample_weight": [1.0, 2.0]})
-    Traceback (most recent call last):
-        ...
-    sklearn_pgnn.exceptions.OptionError: sample_weight: expected none, for BaseEstimator weighs \
-all measured samples alike. Remedy: leave it out; a sample whose y is NaN does not count.
-    """
+    """Raise `OptionError` for weights of samples, `TypeError` for what `fit` knows not."""
     given = [name for name, value in fit_params.items() if value is not None]
     if "sample_weight" in given:
         raise OptionError(
@@ -89,23 +66,7 @@ all measured samples alike. Remedy: leave it out; a sample whose y is NaN does n
 
 
 def validate_table(estimator: BaseEstimator, X: Table, *, reset: bool) -> Table:
-    """Refuse invalid tables, and store or compare the number and the names of the columns.
-
-    With `reset` (in `fit`) the estimator receives `n_features_in_` and, for a DataFrame,
-    `feature_names_in_`; else the columns are compared with these. NaN is left to `read_records`,
-    which knows where it is allowed. A DataFrame of another library is returned as a pandas one. If
-    `fit` saw names and X has none, of which scikit-learn warns, its columns are taken to be those
-    of `fit` in order.
-
-    Examples
-    --------
-    >>> from sklearn.base import BaseEstimator
-    >>> estimator = BaseEstimator()
-    >>> validate_table(estimator, [[0.0, 1.0], [0.1, 1.0]], reset=True).shape
-    (2, 2)
-    >>> estimator.n_features_in_
-    2
-    """
+    """Refuse invalid tables; with `reset` store the columns' number and names, else compare."""
     X = as_table(X, getattr(estimator, "time_column", None))
     if isinstance(X, pd.DataFrame):
         validate_data(estimator, X, reset=reset, skip_check_array=True)
@@ -182,8 +143,6 @@ def _mean_score(measured: np.ndarray, predicted: np.ndarray, weight: np.ndarray 
 def tags_of_records(tags: Tags, has_time: bool = True) -> Tags:
     """Return a regressor's tags: states may be NaN, and random numbers follow no physical model.
 
-    Examples
-    --------
     >>> from sklearn.linear_model import Ridge
     >>> tags_of_records(Ridge().__sklearn_tags__()).input_tags.allow_nan
     True

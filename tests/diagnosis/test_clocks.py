@@ -14,7 +14,7 @@ from sklearn_pgnn.record_quality.clock import find_gaps
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.systems import cart_on_spring
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.gaps import split_at_gaps
+from sklearn_pgnn.trajectories.record import split_at_gaps
 
 #: a time stamp of 2023 [s]; a float tells times apart to a quarter of a microsecond there
 STAMP = 1.7e9

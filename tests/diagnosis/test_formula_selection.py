@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import effects, systems
-from sklearn_pgnn.diagnosis import formula_selection
 from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection, _takes_the_place
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.residuals import Residuals
@@ -89,18 +88,3 @@ def is_law(*terms):
 def test_a_sum_of_what_has_names_does_not_end_the_search():
     assert is_law("x**2", "v*x")
     assert not is_law("x**2", "x**3")
-
-
-def test_a_formula_is_looked_for_again_where_the_same_causes_were_fitted_better(monkeypatch):
-    tried = []
-    monkeypatch.setattr(
-        formula_selection, "_best_formula", lambda search, ground: tried.append(ground.fit)
-    )
-    first, better = (SimpleNamespace(hypothesis="prior", fit=object()) for _ in range(2))
-    selection = FormulaSelection()
-    for base in (first, first, better, better):
-        search = SimpleNamespace(
-            fitter=SimpleNamespace(key=lambda hypothesis: hypothesis, base=lambda base=base: base)
-        )
-        selection._alone(search)
-    assert tried == [first.fit, better.fit]

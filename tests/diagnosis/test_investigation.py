@@ -1,12 +1,10 @@
 """The course of a diagnosis: which candidates are looked at, and in what integration steps."""
 
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from rubbing_sledge import CRITERION, fitted, fresh_fitter
 from servo import SERVO, STEP, follow_steps
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
@@ -165,15 +163,3 @@ def test_what_is_left_is_asked_again_where_finer_steps_drop_a_cause(monkeypatch)
     found = fit(X, y)
     assert [cause.effect for cause in found.causes_] == ["sensor_bias"]
     assert found.remaining_.kind == "structure"
-
-
-def test_structure_is_asked_of_every_fit_of_a_hypothesis_once(monkeypatch):
-    asked = []
-    monkeypatch.setattr(investigation, "find_structure", lambda _, trial, *__: asked.append(trial))
-    fitter = fresh_fitter()
-    structures = investigation._Structures(fitter, CRITERION)
-    rubbed = fitted(fitter, effects.CoulombFriction)
-    other = replace(rubbed, fit=copy(rubbed.fit))
-    for trial in (rubbed, rubbed, other, other):
-        structures.of(trial)
-    assert asked == [rubbed, other]

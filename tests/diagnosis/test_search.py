@@ -256,26 +256,6 @@ def test_a_search_goes_on_through_what_no_disturbance_explains_better(
     assert not search.moves.pruned(rubbed, search.criterion.to_name).hypothesis.causes
 
 
-def test_a_moves_next_best_is_tried_where_its_best_does_not_stand(search, monkeypatch):
-    best, next_best = (fitted(search.fitter, kind) for kind in KINDS[:2])
-    none = search.current
-    search._visited[search.fitter.key(none.hypothesis)] = 0.0
-    monkeypatch.setattr(
-        search.moves, "pruned", lambda trial, needed: none if trial is best else trial
-    )
-    found = search._first_of([lambda _: iter([best, next_best])], none)
-    assert found is next_best
-
-
-def test_moves_go_on_again_from_a_hypothesis_whose_fit_had_got_stuck(search):
-    rubbed = fitted(search.fitter, effects.CoulombFriction)
-    key = search.fitter.key(rubbed.hypothesis)
-    search._visited[key] = rubbed.fit.objective
-    assert not search._is_new(rubbed)
-    search._visited[key] = 2.0 * rubbed.fit.objective
-    assert search._is_new(rubbed)
-
-
 @pytest.mark.parametrize(("disturbed", "goes_aside"), [(1.0, True), (-1.0, True), (1.0, False)])
 def test_what_is_better_beside_a_disturbance_only_is_a_way_on_where_there_is_no_other(
     search, monkeypatch, disturbed, goes_aside

@@ -121,20 +121,3 @@ def test_a_time_limit_ends_fits_in_other_processes_too(batches):
     with pytest.raises(TimeIsUp):
         ahead._hand_over(fitter, task, asked)
     assert ahead.take(task, "fit", ground) is None
-
-
-def test_a_fit_is_taken_once_and_for_the_arguments_it_was_made_with():
-    ahead, made, other = FitsAhead(1), [], []
-    ahead._keep(lose, "fit", fits_ahead.Made((made,), "result", None))
-    assert ahead.take(lose, "fit", made).result == "result"
-    assert ahead.take(lose, "fit", made) is None
-    ahead._keep(lose, "fit", fits_ahead.Made((made,), "result", None))
-    assert ahead.take(lose, "fit", other) is None
-
-
-def test_fits_that_nobody_asks_for_are_forgotten():
-    ahead = FitsAhead(1)
-    for name in range(2 * fits_ahead.MOST):
-        ahead._keep(lose, name, fits_ahead.Made((), name, None))
-    assert ahead.take(lose, 0) is None
-    assert ahead.take(lose, 2 * fits_ahead.MOST - 1).result == 2 * fits_ahead.MOST - 1

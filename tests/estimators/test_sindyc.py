@@ -36,7 +36,6 @@ from sklearn_pgnn.estimators.sindyc_library import (
 )
 from sklearn_pgnn.estimators.sindyc_records import measure_states, rate_rows, step_rows
 from sklearn_pgnn.exceptions import RecordError, RecordWarning, SimulationWarning
-from sklearn_pgnn.simulation import record_windows
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
 
@@ -418,13 +417,6 @@ def test_a_triangle_of_the_rows_gives_the_same_coefficients():
     assert 0 < np.count_nonzero(whole) < whole.size
     np.testing.assert_array_equal(small == 0, whole == 0)
     np.testing.assert_allclose(small, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
-
-
-def test_nothing_is_simulated_where_all_states_are_shown(monkeypatch):
-    X, y, _ = records_of(SPRING)
-    records = read_records(SPRING, X, y)
-    monkeypatch.setattr(record_windows, "evaluate", None)
-    assert measure_states(SPRING, records).x.shape == (len(X), 2)
 
 
 # -- the model that comes out ----------------------------------------------------------------------

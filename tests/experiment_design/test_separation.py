@@ -5,11 +5,9 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from threadpoolctl import threadpool_info, threadpool_limits
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import print_diagnosis
-from sklearn_pgnn.diagnosis import model_diagnosis
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.experiment_design.separation import are_same, put_in_place, waves
@@ -187,21 +185,6 @@ def test_the_report_names_the_experiment(slow, tmp_path):
     (entry,) = diagnosis.to_dict()["separations"]
     assert entry["separable"] is True
     assert entry["experiments"][0]["excitation"] == best.excitation
-
-
-def test_linear_algebra_has_one_thread_meanwhile(monkeypatch):
-    threads = set()
-
-    def separate(*_):
-        threads.update(library["num_threads"] for library in threadpool_info())
-
-    monkeypatch.setattr(model_diagnosis, "separate", separate)
-    monkeypatch.setattr(model_diagnosis, "two_to_separate", lambda *_: (None, None))
-    diagnosis = ModelDiagnosis(cart(), catalogue=())
-    diagnosis.verdict_, diagnosis.causes_, diagnosis.records_ = "cause_named", (), None
-    with threadpool_limits(2):
-        diagnosis.separating_experiment()
-    assert threads == {1}
 
 
 @pytest.mark.slow

@@ -92,7 +92,7 @@ def test_a_network_gets_a_trajectory_until_its_last_visible_measurement():
     visible[10:] = False  # the whole third
     physics = SimpleNamespace(model_=LAG)
     fitted = FittedDepth(None, physics, np.array([[1.0], [2.0], [np.nan]]))
-    got = fit_network(Witness(), fitted, table, visible).estimator
+    got = fit_network(Witness(), "network", fitted, table, visible).estimator
     assert got.X_["trajectory"].tolist() == [0] * 3 + [1] * 5
     assert got.X_["v"].dropna().tolist() == [1.0, 2.0]
     np.testing.assert_array_equal(got.y_.ravel(), [0, 1, 2, 5, np.nan, 7, 8, 9])

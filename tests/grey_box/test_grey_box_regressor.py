@@ -27,9 +27,8 @@ from sklearn_pgnn.exceptions import (
     RecordWarning,
     TrainingError,
 )
-from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
-from sklearn_pgnn.grey_box.operating_ranges import operating_ranges
-from sklearn_pgnn.grey_box.possible_depths import possible_depths
+from sklearn_pgnn.grey_box.folds import hidden_parts, operating_ranges
+from sklearn_pgnn.grey_box.options import possible_depths
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.user_line import warn_user
 

@@ -16,11 +16,11 @@ from sklearn_pgnn import (
     ModelDiagnosis,
     PGNNLRegressor,
     PhysicsModel,
+    PhysicsModelRegressor,
     ResidualRegressor,
     effects,
 )
 from sklearn_pgnn.exceptions import DiagnosisWarning
-from sklearn_pgnn.grey_box import depth_fits
 from sklearn_pgnn.model_selection import HalvingBayesSearchCV, TrajectoryKFold, search_space
 from sklearn_pgnn.user_line import warn_user
 
@@ -110,13 +110,13 @@ def test_a_search_with_memory_diagnoses_every_fold_once_and_finds_the_same(cart,
 @pytest.mark.slow
 def test_physical_depths_are_judged_once_on_the_same_records(cart, tmp_path, monkeypatch):
     X, y = cart
-    fits, fit = [], depth_fits.fit_physics
+    fits, fit = [], PhysicsModelRegressor.fit
 
-    def counted(model, table, visible, *rest, **options):
-        fits.append(visible.sum())
-        return fit(model, table, visible, *rest, **options)
+    def counted(regressor, X, y):
+        fits.append(np.isfinite(y).sum())
+        return fit(regressor, X, y)
 
-    monkeypatch.setattr(depth_fits, "fit_physics", counted)
+    monkeypatch.setattr(PhysicsModelRegressor, "fit", counted)
     first = recipe(memory=joblib.Memory(tmp_path, verbose=0)).fit(X, y)
     assert fits == [300] * 4 + [600]  # two depths in two folds, and the chosen one
     fits.clear()

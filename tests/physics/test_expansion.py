@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sklearn_pgnn import PhysicsModel, effects
-from sklearn_pgnn.physics.expansion import MAX_TERMS, _terms, expanded
+from sklearn_pgnn.physics.expressions import MAX_TERMS, _terms, expanded
 
 pytestmark = pytest.mark.core
 

@@ -113,15 +113,6 @@ def test_groups_make_the_folds():
     assert asked == [[0, 1, 2, 3], [2, 3], [0, 1]]
 
 
-@pytest.mark.parametrize("verbose", [0, 1])
-def test_the_largest_error_is_sought_where_it_is_told_only(verbose, monkeypatch, capsys):
-    asked = []
-    monkeypatch.setattr(np, "nanmax", lambda values: asked.append(values) or 1.0)
-    ConformalRegressor(ResidualRegressor(LAG), cv=2, verbose=verbose).fit(*records(2, seed=0))
-    assert len(asked) == 2 * verbose
-    assert capsys.readouterr().out.count("largest error 1") == 2 * verbose
-
-
 def test_what_the_regressor_can_do_it_can():
     X, y = records(3, seed=0)
     conformal = ConformalRegressor(ResidualRegressor(LAG)).fit(X, y)

@@ -8,7 +8,7 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.record_quality.state_feedback import (
+from sklearn_pgnn.record_quality.feedback import (
     find_state_feedback,
     replay_inputs,
     window_states,

@@ -72,12 +72,3 @@ def test_a_copy_of_a_function_is_in_the_same_memory(few):
     for rate in range(51, 61):
         run(decay(rate))
     assert function.memory is compiled.compile_model(decay(50.0))[0].memory
-
-
-def test_functions_share_a_memory_until_it_is_full(monkeypatch):
-    monkeypatch.setattr(machine_code._Begun, "memory", None)
-    monkeypatch.setattr(machine_code, "FULL", 3)
-    functions = [compiled.compile_model(decay(70.0 + i))[0] for i in range(7)]
-    counts = [sum(each.memory is other.memory for other in functions) for each in functions]
-    assert counts == [3, 3, 3, 3, 3, 3, 1]
-    assert len({each.argument for each in functions}) == 7

@@ -14,7 +14,7 @@ from sklearn_pgnn import (
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.model_selection import TrajectoryKFold
 from sklearn_pgnn.trajectories import read_csv, read_files, read_records
-from sklearn_pgnn.trajectories.outputs import read_outputs
+from sklearn_pgnn.trajectories.reader import read_outputs
 
 pytestmark = pytest.mark.core
 

@@ -21,8 +21,6 @@ SAMPLE_TIME = "sample_time"
 def quantities(model: PhysicsModel) -> list[tuple[str, str, str]]:
     """Return name, role and unit of all quantities that a file of records must contain.
 
-    Examples
-    --------
     >>> quantities(PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"}))
     [('t', 'time', 's'), ('u', 'input', 'V'), ('y', 'output', 'V')]
     """
@@ -62,8 +60,6 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
 def with_kinds(model: PhysicsModel, mapping: Mapping) -> PhysicsModel:
     """Return a model with what was chosen of its channels.
 
-    Examples
-    --------
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> dict(with_kinds(lag, {"t": {"kind": ""}, "u": {"kind": "measured"}, "y": {}}).channels)
     {'u': 'measured'}
@@ -84,8 +80,6 @@ def _place(title: str, header: Sequence[str]) -> int | None:
 def _bare(title: str) -> str:
     """Return the header of a column without its unit.
 
-    Examples
-    --------
     >>> _bare("torque [N m]"), _bare("torque")
     ('torque', 'torque')
     """

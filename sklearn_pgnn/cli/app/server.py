@@ -13,9 +13,16 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from sklearn_pgnn.cli.app.forms import clean_mapping, clean_options
 from sklearn_pgnn.cli.app.guard import Guard
-from sklearn_pgnn.cli.app.page import of_report, page, sections, source, style
+from sklearn_pgnn.cli.app.page import (
+    clean_mapping,
+    clean_options,
+    of_report,
+    page,
+    sections,
+    source,
+    style,
+)
 from sklearn_pgnn.cli.app.visitor import Visitor
 from sklearn_pgnn.cli.app.work import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECORD_BYTES, Refused
 

@@ -21,11 +21,7 @@ from sklearn_pgnn.stages import BEST, in_words
 
 @dataclass(frozen=True)
 class RecordFile:
-    """A file of records.
-
-    `number` is its number in the visitor's folder, and the size is in bytes. The label, the
-    visitor's name of the file, is for display only, never part of a path.
-    """
+    """A file of records: its number in the folder, its size [bytes], and the label to show."""
 
     number: int
     label: str
@@ -243,8 +239,6 @@ def _record(number: int, label: str, content: bytes) -> RecordFile:
 def shown_name(name: str) -> str:
     r"""Return the name of a file for display: its last part, printable, not too long.
 
-    Examples
-    --------
     >>> shown_name("C:\\rig\\run 1.csv"), shown_name("../../etc/passwd"), shown_name("")
     ('run 1.csv', 'passwd', 'file')
     """

@@ -16,8 +16,6 @@ class CosineDecay(Callback):
 
     If there is an `LRScheduler` among the callbacks, it alone sets the learning rate.
 
-    References
-    ----------
     .. [1] I. Loshchilov, F. Hutter, "SGDR: stochastic gradient descent with warm restarts",
        ICLR 2017, arXiv:1608.03983.
     """

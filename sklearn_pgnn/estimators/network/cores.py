@@ -148,11 +148,7 @@ class Recurrent(nn.Module):
 
 
 class RowNetwork(nn.Module):
-    """A core between two scalings.
-
-    The core maps standardised features to standardised targets; X and y are those of the training
-    data.
-    """
+    """A core between the scalings of features and of targets."""
 
     def __init__(self, core: nn.Module, X: np.ndarray, y: np.ndarray):
         super().__init__()
@@ -163,10 +159,7 @@ class RowNetwork(nn.Module):
             self.register_buffer(f"scale_{name}", torch.as_tensor(np.where(spread > 0, spread, 1)))
 
     def forward(self, X):
-        """Predict the targets.
-
-        Features have shape (n, n_features), targets (n, n_outputs).
-        """
+        """Predict targets (n, n_outputs) from features (n, n_features)."""
         z = (X - self.mean_X) / self.scale_X
         if hasattr(self.core, "at_rest"):
             return self.mean_y + self.scale_y * self.core(z, self.core.at_rest(len(z)))[0]

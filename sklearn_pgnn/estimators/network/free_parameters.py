@@ -45,11 +45,7 @@ RANK = 1e-6
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """Parameters as relative changes from their values at the start of the training.
-
-    `unit` is the change that a relative change of 1 stands for; `low` and `high` are the least and
-    largest relative change. All have shape (n_free,).
-    """
+    """Parameters as relative changes, within limits, from their values at the training's start."""
 
     names: tuple[str, ...]
     start: np.ndarray

@@ -253,8 +253,6 @@ def levenberg_marquardt(
     beyond its bounds is held, and a step ends at the bound. The last weights that were accepted are
     returned.
 
-    References
-    ----------
     .. [1] D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
        SIAM Journal on Applied Mathematics 11(2), 1963, :doi:`10.1137/0111030`.
     .. [2] K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for non-linear least squares problems",
@@ -314,10 +312,7 @@ def _damped_step(sums: Sums, damping: np.ndarray) -> np.ndarray:
 def l_bfgs(
     objective, theta: np.ndarray, iterations: int, on_step, bounds=(-np.inf, np.inf)
 ) -> np.ndarray:
-    """Minimise by the limited-memory method of Broyden, Fletcher, Goldfarb and Shanno.
-
-    Arguments and result are as for `levenberg_marquardt`.
-    """
+    """Minimise by the limited-memory BFGS method, as `levenberg_marquardt`."""
     costs: list[float] = []
 
     def both(weights):

@@ -322,10 +322,7 @@ class PhysicsLoss:
 
 
 def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
-    """Read the parameter ``physics_loss``: nothing, one term, several, or a function.
-
-    None means the energy balance.
-    """
+    """Read ``physics_loss``: a function, terms, or one; None is the energy balance."""
     given: list[Any] = [EnergyBalance()]
     if physics_loss is not None:
         several = isinstance(physics_loss, list | tuple)
@@ -355,10 +352,7 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
 
 
 def with_dissipation(model: PhysicsModel, terms) -> PhysicsModel:
-    """Return a model whose energy is dissipated as a balance among the terms says.
-
-    It is the same machine, with the parameters of those balances.
-    """
+    """Return a model whose energy is dissipated as a balance among the terms says."""
     for term in terms:
         if isinstance(term, EnergyBalance):
             model = term.with_dissipation(model)
@@ -366,10 +360,7 @@ def with_dissipation(model: PhysicsModel, terms) -> PhysicsModel:
 
 
 def own_parameters(model: PhysicsModel, terms) -> tuple[str, ...]:
-    """Name the parameters that balances have besides the model's.
-
-    Each is named once; the model must have no parameter of that name.
-    """
+    """Name, once each, the parameters of balances; the model may have no such names."""
     balances = [term for term in terms if isinstance(term, EnergyBalance)]
     names = tuple(dict.fromkeys(name for each in balances for name in each.parameters or {}))
     taken = [name for name in names if name in model.parameters]
@@ -477,8 +468,6 @@ def balanced_lambda(error, physics, weights, before: float | None) -> float:
 
     `before` is the average so far, if any; the losses have their graphs.
 
-    References
-    ----------
     .. [1] S. Wang, Y. Teng, P. Perdikaris, "Understanding and mitigating gradient flow pathologies
        in physics-informed neural networks", SIAM Journal on Scientific Computing 43(5), 2021,
        :doi:`10.1137/20M1318043`.

@@ -19,12 +19,6 @@ from sklearn_pgnn.estimators.network.physics_loss import (
     own_parameters,
     with_dissipation,
 )
-from sklearn_pgnn.estimators.network.reading import (
-    feature_values,
-    further_columns,
-    simulated_states,
-    with_names,
-)
 from sklearn_pgnn.estimators.network.records import (
     TrainingData,
     TrainingRecord,
@@ -47,6 +41,7 @@ from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.estimators.table_names import plain_model
 from sklearn_pgnn.exceptions import OptionError, RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
@@ -63,7 +58,16 @@ from sklearn_pgnn.trajectories.measured import (
     of_measured,
     warn_of_constant_outputs,
 )
-from sklearn_pgnn.trajectories.tables import TIME, as_pandas, is_named, time_name
+from sklearn_pgnn.trajectories.reader import TRAJECTORY
+from sklearn_pgnn.trajectories.tables import (
+    SIMULATED,
+    TIME,
+    as_pandas,
+    is_named,
+    once,
+    read_numbers,
+    time_name,
+)
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
@@ -98,11 +102,7 @@ PER_PERIOD = 100
 
 @dataclass
 class Runs:
-    """Trajectories of a table, prepared for the loop, and their free runs.
-
-    `ready` are the trajectories as the loop needs them, with samples in between where steps are
-    long; `kept` is where the trajectories' own samples are among these.
-    """
+    """Trajectories as the loop needs them, where their own samples are, and free runs."""
 
     records: tuple
     ready: list
@@ -168,7 +168,8 @@ class PreparedNet(TrajectoryNet):
             warn_of_other_intervals(filled, self.interval_, self.structure_)
 
     def _prepare(self, X, filled):
-        features = feature_values(X, self.further_columns_)
+        further = self.further_columns_
+        features = _numbers(X, further) if further else np.zeros((len(X), 0))
         if self._guide != "simulation":
             simulated = np.zeros((len(X), 0))
         else:
@@ -354,3 +355,72 @@ class PreparedNet(TrajectoryNet):
         ]
         slope, offset = np.array(lines).T
         return slope, offset
+
+
+# -- columns of a table besides the model's own quantities -----------------------------------------
+
+
+def with_names(model: PhysicsModel, X, time_column=None):
+    """Name the columns of an array that `PhysicsModelTransformer` gave.
+
+    They are time, inputs, states or none, and the simulated states and outputs.
+    """
+    if isinstance(X, pd.DataFrame) or isinstance(time_column, str):
+        return X
+    known = dict.fromkeys([*model.states, *model.outputs])
+    simulated = [name + SIMULATED for name in known]
+    for given in ([*model.inputs], [*model.inputs, *model.states]):
+        names = [*given, *simulated]
+        width = 1 + len(names)
+        if X.shape[1] == width != 1 + len(model.inputs) + len(model.states):
+            names.insert((time_column or 0) % (1 + len(given)), TIME)
+            return pd.DataFrame(X, columns=names)
+    return X
+
+
+def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
+    """Return the columns of the simulated states, or None where a table lacks one."""
+    names = [state + SIMULATED for state in model.states]
+    if not isinstance(X, pd.DataFrame) or not set(names) <= set(X.columns):
+        return None
+    return _numbers(X, names)
+
+
+def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
+    """Name the columns that are neither time, trajectory, quantity of the model nor simulation.
+
+    A column with the name of an output is never one: it would reveal what is to be predicted.
+    """
+    if not isinstance(X, pd.DataFrame):
+        return []
+    own = [TIME, TRAJECTORY, *model.inputs, *model.states, *model.outputs]
+    taken = {
+        time_name(X.columns, time_column),
+        *own,
+        *(model.columns.get(name, name) for name in own),
+    }
+    taken |= {name + SIMULATED for name in (*model.states, *model.outputs)}
+    return [name for name in X.columns if name not in taken]
+
+
+def _numbers(X: pd.DataFrame, names) -> np.ndarray:
+    """Read columns as finite numbers."""
+    values = np.column_stack([_column(X, name) for name in names])
+    if not np.isfinite(values).all():
+        row, column = np.argwhere(~np.isfinite(values))[0]
+        raise RecordError(
+            f"X: column {names[column]!r} is {values[row, column]} in row {row}; expected a finite "
+            f"number. Remedy: if it is an initial state, name it in the model's 'columns' or in "
+            f"'states'; else fill the gap or leave the column out."
+        )
+    return values
+
+
+def _column(X: pd.DataFrame, name: str) -> np.ndarray:
+    column = once(X, name, "X: column")
+    try:
+        return read_numbers(column, f"X: column {name!r}")
+    except RecordError as error:
+        raise RecordError(
+            f"X: column {name!r} is not numeric. Remedy: encode it, or leave it out."
+        ) from error

@@ -95,10 +95,7 @@ def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarr
 
 
 def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -> list[np.ndarray]:
-    """Estimate the states of every record from its outputs; the last estimates are cached.
-
-    A search needs the same ones again for every candidate.
-    """
+    """Estimate the states of every record from its outputs, cached for a search."""
     key = (model, hash_of([(r.t, r.u, r.y, r.x0) for r in records]), hold, substeps)
     with _KEEPING:
         x = _ESTIMATES.get(key)
@@ -114,11 +111,7 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
 
 
 def told_samples(records) -> list[np.ndarray]:
-    """Find the samples whose states the measured outputs determine, across short gaps too.
-
-    A mask is false before a record's first measured sample, after its last one, and in gaps longer
-    than both a window and as many of the usual intervals of its measurements as a window has.
-    """
+    """Find samples whose states the outputs determine, also across gaps within a window."""
     window = WINDOW_SHARE * dominant_period(records)
     return [_told(record.t, where_measured(record.y), window) for record in records]
 
@@ -135,11 +128,7 @@ def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
 
 
 def split_for_validation(records: list[TrainingRecord], share: float, random):
-    """Hold out whole trajectories, or the end of every trajectory where there are few.
-
-    Return trajectories to train on, and trajectories to choose the weights by: the held-out ones,
-    or all from their beginning, of which only the held-out end counts.
-    """
+    """Return trajectories to train on and, whole or their ends, to choose the weights by."""
     if not share:
         return records, []
     if len(records) >= 3:

@@ -91,10 +91,7 @@ def _parts(steps, interval: float) -> np.ndarray:
 
 
 def holds_at_one_interval(structure: str, module) -> bool:
-    """Return whether a network is a map from sample to sample, and no correction of rates.
-
-    A core with a hidden state changes that from sample to sample.
-    """
+    """Return whether a network is a map from sample to sample, not of rates."""
     return structure not in ON_THE_MODEL or hasattr(module, "at_rest")
 
 

@@ -148,11 +148,7 @@ class StepNetwork(nn.Module):
 
 
 class _Compiled(torch.autograd.Function):
-    """What compiled code makes of states, with its Jacobian as the backward pass.
-
-    ``compute`` gives values, and their derivatives by the changes of the parameters, if there are
-    any, then by the states.
-    """
+    """What compiled code makes of states; its derivatives, by changes and states, lead backward."""
 
     @staticmethod
     def forward(ctx, x, compute, changes=None):

@@ -138,11 +138,7 @@ def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissi
 
 
 def choose_structure(measured, foretold, begun) -> str:
-    """Choose a correction where the model predicts most of the change of the states.
-
-    `begun` and `measured` are states at both ends of short windows, (n, n_states). The squared
-    error as a share of persistence's, in the mean over the states, is then below `FORETOLD`.
-    """
+    """Choose a correction where the model foretells the states better than persistence by far."""
     by_model = np.mean((measured - foretold) ** 2, axis=0)
     by_persistence = np.mean((measured - begun) ** 2, axis=0)
     moves = by_persistence > 0
@@ -269,10 +265,7 @@ def make_step(
 
 
 def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length: int | None):
-    """Measure the root mean square error of the outputs of the base alone.
-
-    It starts again from the measured state after `length` steps, or never.
-    """
+    """Measure the base's RMS error, restarted from measured states after `length` steps."""
     n_in, n_out = len(step.mean), step.n_network_outputs
     idle = replace(step, sizes=(n_in, n_out), loss=None)
     run = FreeRun(idle, np.zeros((n_in + 1) * n_out))

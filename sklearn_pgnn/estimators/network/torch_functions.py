@@ -32,21 +32,14 @@ _EXTREMES = {sympy.Max: torch.maximum, sympy.Min: torch.minimum}
 
 
 def torch_value(expression, values) -> torch.Tensor:
-    """Evaluate an expression on tensors, differentiably.
-
-    All tensors have the same shape, and so has the value.
-    """
+    """Evaluate an expression on tensors of one shape, differentiably."""
     like = next(value for value in values.values() if torch.is_tensor(value))
     found = _function(sympy.sympify(expression))(values)
     return torch.as_tensor(found, dtype=like.dtype, device=like.device).expand(like.shape)
 
 
 def values_of(model: PhysicsModel, x, u, t, tuned=None) -> dict:
-    """Return time, states, inputs and parameters by name.
-
-    States have shape (..., n_states), inputs (..., n_inputs) and times [s] (...); `tuned` are
-    values of parameters in place of the model's.
-    """
+    """Return time [s], states, inputs and parameters, those `tuned` in their place, by name."""
     values = {"t": t}
     values |= {name: x[..., i] for i, name in enumerate(model.states)}
     values |= {name: u[..., i] for i, name in enumerate(model.inputs)}

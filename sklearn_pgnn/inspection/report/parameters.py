@@ -159,8 +159,6 @@ def _cell(value: float) -> dict[str, str]:
 def _signed(value: float) -> str:
     """Return a correlation with two digits and a minus sign.
 
-    Examples
-    --------
     >>> _signed(-0.954), _signed(0.999), _signed(0.001)
     ('−0.95', '1.00', '0')
     """

@@ -44,8 +44,6 @@ def make_tiles(diagnosis) -> tuple[Tile, ...]:
 def worst(tiles) -> str:
     """Return the worst state of some tiles.
 
-    Examples
-    --------
     >>> worst([Tile("good", "", "", ""), Tile("look", "", "", "")])
     'look'
     """

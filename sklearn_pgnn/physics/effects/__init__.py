@@ -232,8 +232,6 @@ def _kinds_of(kind: type) -> Iterator[type]:
 def read_catalogue(catalogue: Iterable[type[Effect] | str] | None) -> tuple[type[Effect], ...]:
     """Return the effects that a parameter ``catalogue`` stands for.
 
-    Examples
-    --------
     >>> read_catalogue(["leak", Cogging]) == (Leak, Cogging)
     True
     """

@@ -64,11 +64,6 @@ class ParameterDependence(Effect):
         peak = max(scales.peak[parts(target)[1]], 1e-300)
         return {"per_signal": 1.0 / peak ** cls.power(target, model)}
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from a constant."""
-        return (cls(target),)
-
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the parameter over the signal."""
         parameter, signal = map(symbol, parts(self.target))

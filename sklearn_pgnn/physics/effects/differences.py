@@ -30,15 +30,7 @@ LEFT = 0.001
 
 
 def where_of(column: str) -> str:
-    """Return the records of a group's column, and since when, as in a sentence.
-
-    Examples
-    --------
-    >>> where_of("in_run_2__run_4__run_6"), where_of("in_run_2__since_12p5")
-    ('in run_2, run_4 and run_6', 'in run_2 since 12.5 s')
-    >>> where_of("in_all__since_60"), where_of("in_sequence")
-    ('since 60 s', 'from record to record')
-    """
+    """Return the records of a group's column, and since when, as in a sentence."""
     if column == TREND:
         return "from record to record"
     records, _, onset = column.removeprefix(IN).partition(SINCE)
@@ -117,31 +109,12 @@ class Difference(Effect):
         """Return the unit of the quantity."""
         return {"target": model.unit(parts(self.target)[0])}
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from no difference."""
-        return (cls(target),)
-
 
 @dataclass(frozen=True)
 class ParameterDifference(Difference):
     r"""A parameter with another value in some records, :math:`p + \Delta\, g`.
 
     The column :math:`g` is one in these records and zero in all others.
-
-    Parameters
-    ----------
-    target : str
-        Parameter and column, as ``"UA(in_run_2)"``.
-    difference : float, default=0
-        Difference :math:`\Delta` [parameter].
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics import PhysicsModel
-    >>> box = PhysicsModel({"T": "K"}, {"T": "-U*T"}, {"U": 2.0}, {"in_run_2": ""})
-    >>> print((box + ParameterDifference("U(in_run_2)", difference=0.5)).to_text())
-    T' = -T*(U + diff_U_in_run_2*in_run_2)
     """
 
     difference: float = quantity("diff", "{target}")
@@ -157,8 +130,6 @@ class ParameterDifference(Difference):
     def summarise(self, model: PhysicsModel) -> str:
         """Return both values.
 
-        Examples
-        --------
         >>> from sklearn_pgnn.physics import PhysicsModel
         >>> box = PhysicsModel({"T": "K"}, {"T": "-U*T"}, {"U": 7.0}, {"in_run_2": ""})
         >>> other = ParameterDifference("U(in_run_2)", difference=6.0)
@@ -191,20 +162,7 @@ class ParameterDifference(Difference):
 
 @dataclass(frozen=True)
 class SensorBiasDifference(Difference):
-    r"""A sensor with an offset in some records, :math:`y + b\, g`.
-
-    Parameters
-    ----------
-    target : str
-        Output and column, as ``"T(in_run_2)"``.
-    bias : float, default=0
-        Offset :math:`b` in these records [output].
-
-    Examples
-    --------
-    >>> SensorBiasDifference.title("T(in_run_2)")
-    'another zero of T in run_2'
-    """
+    r"""A sensor with an offset in some records, :math:`y + b\, g`."""
 
     bias: float = quantity("diffb", "{target}")
     id = "sensor_bias_difference"
@@ -225,20 +183,7 @@ class SensorBiasDifference(Difference):
 
 @dataclass(frozen=True)
 class SensorGainDifference(Difference):
-    r"""A sensor with another gain in some records, :math:`y\,(1 + e\, g)`.
-
-    Parameters
-    ----------
-    target : str
-        Output and column, as ``"T(in_run_2)"``.
-    error : float, default=0
-        Relative difference :math:`e` of the gain [-].
-
-    Examples
-    --------
-    >>> SensorGainDifference.title("T(in_run_2)")
-    'another gain of T in run_2'
-    """
+    r"""A sensor with another gain in some records, :math:`y\,(1 + e\, g)`."""
 
     error: float = quantity("diffg", "", low=-1.0)
     id = "sensor_gain_difference"
@@ -259,20 +204,7 @@ class SensorGainDifference(Difference):
 
 @dataclass(frozen=True)
 class InputGainDifference(Difference):
-    r"""An input that acts with another gain in some records, :math:`u\,(1 + e\, g)`.
-
-    Parameters
-    ----------
-    target : str
-        Input and column, as ``"u(in_run_2)"``.
-    error : float, default=0
-        Relative difference :math:`e` of the gain [-].
-
-    Examples
-    --------
-    >>> InputGainDifference.title("u(in_run_2)")
-    'another gain of u in run_2'
-    """
+    r"""An input that acts with another gain in some records, :math:`u\,(1 + e\, g)`."""
 
     error: float = quantity("diffi", "", low=-1.0)
     id = "input_gain_difference"

@@ -90,11 +90,6 @@ class CoefficientByDirection(Effect):
         return dict(parts)
 
     @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from no difference."""
-        return (cls(target),)
-
-    @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep a part of the flow, and a factor of twenty."""
         return {"change": (-0.98, 20.0)}
@@ -151,14 +146,10 @@ def _flow(
     known = {*model.states, *model.inputs}
     if not moving or not moving <= known or model.parameters[str(p)].value == 0:
         return None
-    if part == "equations" and _is_motion(model, key):
+    moves = is_velocity(model, key) or key in model.kinematic_pairs.values()
+    if part == "equations" and moves:
         return _Flow(part, key, flow, divides) if moving <= set(model.inputs) else None
     return _Flow(part, key, flow, divides)
-
-
-def _is_motion(model: PhysicsModel, state: str) -> bool:
-    """Return whether a state is a velocity or a position."""
-    return is_velocity(model, state) or state in model.kinematic_pairs.values()
 
 
 def _ratio(model: PhysicsModel, flow: sympy.Expr, first: sympy.Expr) -> float | None:

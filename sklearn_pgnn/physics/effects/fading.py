@@ -55,7 +55,8 @@ class InputFading(ParameterDependence):
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the inputs with the measured speeds whose rates they act in."""
         told = told_states(model)
-        speeds = [v for v in model.states if v in told and _is_speed(model, v)]
+        known = (v for v in model.states if v in told)
+        speeds = [v for v in known if is_velocity(model, v) or may_be_speed(model, v)]
         return tuple(
             pair(u, v) for u in model.inputs for v in speeds if model.equations[v].has(symbol(u))
         )
@@ -85,7 +86,3 @@ class InputFading(ParameterDependence):
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return no curve: the force depends on the input and the speed."""
         return None
-
-
-def _is_speed(model: PhysicsModel, state: str) -> bool:
-    return is_velocity(model, state) or may_be_speed(model, state)

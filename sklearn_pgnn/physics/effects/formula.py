@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 def known_part(formula: Formula, model: PhysicsModel) -> Formula:
     """Return the part of a formula without the states that only another effect adds.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
     >>> formula = Formula("v", ("x**2", "force_lagged"), (0.1, 0.2))
     >>> known_part(formula, cart_on_spring()).terms

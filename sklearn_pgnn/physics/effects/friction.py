@@ -19,8 +19,7 @@ from sklearn_pgnn.physics.effects.rates import (
     force_scale,
     may_be_speed,
 )
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import expanded, symbol
 from sklearn_pgnn.physics.extremes import bounded
 from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
 
@@ -66,11 +65,6 @@ class ViscousFriction(RateEffect):
     ) -> sympy.Expr:
         """Return d*v."""
         return p["coefficient"] * v
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without friction."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)
@@ -411,11 +405,6 @@ class QuadraticDrag(SpeedEffect):
     ) -> sympy.Expr:
         """Return c*v*abs(v)."""
         return p["coefficient"] * v * sympy.Abs(v)
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without drag."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)

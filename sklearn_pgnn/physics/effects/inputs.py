@@ -88,11 +88,6 @@ class InputBias(InputEffect):
         """Return u + b."""
         return u + p["bias"]
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without a bias."""
-        return (cls(target),)
-
     def is_shown(self, model: PhysicsModel, scales: Scales) -> bool:
         """Return true: a bias shows where the input is zero, too."""
         return True
@@ -130,11 +125,6 @@ class InputGain(InputEffect):
     def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return (1 + g)*u."""
         return (1 + p["error"]) * u
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without an error."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)

@@ -305,10 +305,6 @@ class SpringPlay(Effect):
         """Return the usual stretch."""
         return {"position": _reach(target, model, scales)}
 
-    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
-        """Return no curve: the force of the spring acts in several rates."""
-        return None
-
 
 def _slopes(model: PhysicsModel, parameter: str) -> dict[str, sympy.Expr]:
     """Return the derivatives of the rates that contain a parameter."""

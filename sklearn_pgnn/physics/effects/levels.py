@@ -202,11 +202,6 @@ class Leak(StateEffect):
         """Return the rate less the loss."""
         return rate - p["coefficient"] * state
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without a loss."""
-        return (cls(target),)
-
 
 @dataclass(frozen=True)
 class LeakToLevel(StateEffect):
@@ -307,11 +302,6 @@ class LeakToInput(Effect):
     def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return none: the exchange is a rate."""
         return {}
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without a loss."""
-        return (cls(target),)
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the missing rate over the difference of state and input."""

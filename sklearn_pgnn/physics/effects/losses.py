@@ -79,8 +79,6 @@ def _around(model: PhysicsModel, state: str) -> tuple[str, ...]:
 def surroundings(model: PhysicsModel, state: str) -> tuple[str, ...]:
     """Return the inputs and parameters of a state's unit that its rate tends to in proportion.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import PhysicsModel
     >>> oven = PhysicsModel({"T": "K"}, {"T": "h*(To - T)"}, {"h": 0.1}, {"P": "W", "To": "K"})
     >>> surroundings(oven, "T")

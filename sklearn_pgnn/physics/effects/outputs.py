@@ -83,11 +83,6 @@ class SensorBias(OutputEffect):
         """Return y + b."""
         return y + p["bias"]
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without a bias."""
-        return (cls(target),)
-
 
 @dataclass(frozen=True)
 class SensorGain(OutputEffect):
@@ -115,11 +110,6 @@ class SensorGain(OutputEffect):
     def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return (1 + g)*y."""
         return (1 + p["error"]) * y
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without an error."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)
@@ -164,11 +154,6 @@ class SensorCurvature(OutputEffect):
     def typical(cls, target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
         """Return one over the output's largest magnitude."""
         return {"per_target": 1.0 / max(scales.peak[target], 1e-300)}
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start with a straight scale."""
-        return (cls(target),)
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
@@ -225,17 +210,10 @@ class SensorEccentricity(OutputEffect):
         at = {ANGLE: _angle(model, self.target)}
         return with_output(model, self.target, lambda true: self.shown(true, p).xreplace(at))
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start on centre."""
-        return (cls(target),)
-
 
 def _angle(model: PhysicsModel, output: str) -> sympy.Expr | None:
     """Return the angle [rad] that an output measures, if it measures one.
 
-    Examples
-    --------
     >>> from sklearn_pgnn.physics import PhysicsModel
     >>> outputs = {"counts": "1000*q", "dial": "p", "speed": "w", "both": "p + r", "to": "q - p"}
     >>> states = {"q": "rad", "w": "rad/s", "p": "deg", "r": "deg"}
@@ -319,11 +297,6 @@ class SensorRectification(OutputEffect):
     def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
         """Return abs(y)."""
         return sympy.Abs(y)
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Return the effect itself: there is nothing to fit."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)

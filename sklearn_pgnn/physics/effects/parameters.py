@@ -77,11 +77,6 @@ class WrongParameter(Effect):
         return Characteristic("parameter", self.target)
 
     @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from the prior value."""
-        return (cls(target),)
-
-    @classmethod
     def size_field(cls) -> str:
         """Return the value."""
         return "value"
@@ -140,11 +135,6 @@ class ParameterDrift(Effect):
         """Return the parameter over the time."""
         law = symbol(self.target) * (1 + symbol(self.names()["rate"]) * TIME)
         return Characteristic("parameter", self.target, TIME, law=law)
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without a change."""
-        return (cls(target),)
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:

@@ -33,8 +33,6 @@ def may_be_speed(model: PhysicsModel, state: str) -> bool:
     A sensor measures it in a unit that does not define the quantity, and its rate depends on
     itself, though not through a root, as that of a level does.
 
-    Examples
-    --------
     >>> from sklearn_pgnn import PhysicsModel
     >>> hoop = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 11.6, "T": 1.6}, {"u": ""})
     >>> may_be_speed(hoop, "y")
@@ -171,11 +169,6 @@ class ConstantLoad(RateEffect):
     ) -> sympy.Expr:
         """Return F0."""
         return p["load"]
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without a load."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)

@@ -39,11 +39,6 @@ class PowerOfPosition(PositionEffect):
         """Return k*x^(n+1)/(n+1)."""
         return p["stiffness"] * position ** (self.power + 1) / (self.power + 1)
 
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start without it."""
-        return (cls(target),)
-
 
 @dataclass(frozen=True)
 class LinearStiffness(PowerOfPosition):

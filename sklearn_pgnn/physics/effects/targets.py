@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 def pair(quantity: str, other: str) -> str:
     """Return two quantities as one target.
 
-    Examples
-    --------
     >>> pair("R", "T"), parts("R(T)")
     ('R(T)', ('R', 'T'))
     """

@@ -12,9 +12,8 @@ from typing import ClassVar
 
 import sympy
 
-from sklearn_pgnn.physics.effect import Effect, Scales
-from sklearn_pgnn.physics.expansion import expanded
-from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.expressions import TIME, expanded, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port, with_coefficients
 from sklearn_pgnn.physics.repeated_rates import with_rates
@@ -60,11 +59,6 @@ class Wiring(Effect):
     phrase = "{target}"
     lacking = "has a"
     check: ClassVar[str] = "Look at the wiring and the channel list; move one thing at a time."
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Return the effect itself: there is nothing to fit."""
-        return (cls(target),)
 
     def seen_at(self, model: PhysicsModel) -> tuple[str, ...]:
         """Return the outputs that the model cannot follow without it, where that is known."""
@@ -159,14 +153,7 @@ class _Reversed(_OfChannels):
 
 @dataclass(frozen=True)
 class ReversedInput(_Inputs, _Reversed):
-    r"""An input that acts with the other sign, :math:`-u`.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> print((lag + ReversedInput("u")).to_text())
-    y' = (-u - y)/T
-    """
+    r"""An input that acts with the other sign, :math:`-u`."""
 
     id = "reversed_input"
     summary = "The command acts in the other direction than the model says."
@@ -174,14 +161,7 @@ class ReversedInput(_Inputs, _Reversed):
 
 @dataclass(frozen=True)
 class ReversedOutput(_Outputs, _Reversed):
-    r"""A sensor that reads the other sign, :math:`-y`.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> (lag + ReversedOutput("y")).outputs["y"]
-    -y
-    """
+    r"""A sensor that reads the other sign, :math:`-y`."""
 
     id = "reversed_output"
     summary = "The sensor counts in the other direction than the model says."
@@ -189,20 +169,7 @@ class ReversedOutput(_Outputs, _Reversed):
 
 @dataclass(frozen=True)
 class ReversedTerm(Wiring):
-    r"""A term of an equation that has the other sign.
-
-    The target is the term and its equation, as ``"k*x/m in v"``.
-
-    Examples
-    --------
-    >>> rates = {"x": "v", "v": "(k*x - v)/m"}
-    >>> spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {"k": 9.0, "m": 1.0})
-    >>> ReversedTerm.targets(spring)
-    ('-v/m in v', 'k*x/m in v')
-    >>> print((spring + ReversedTerm("k*x/m in v")).to_text())
-    x' = v
-    v' = -k*x/m - v/m
-    """
+    """A term of an equation, as ``"k*x/m in v"``, that has the other sign."""
 
     id = "reversed_term"
     phrase = "reversed sign of {target}'"
@@ -231,8 +198,6 @@ class ReversedTerm(Wiring):
     def is_sign_of(self, model: PhysicsModel, other: Effect) -> bool:
         """Return whether another effect frees a parameter whose other sign is the term's.
 
-        Examples
-        --------
         >>> from sklearn_pgnn.effects import WrongParameter
         >>> rates = {"x": "v", "v": "(k*x - v)/m"}
         >>> spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {"k": 9.0, "m": 1.0})
@@ -281,14 +246,7 @@ class _Exchanged(_OfChannels):
 
 @dataclass(frozen=True)
 class ExchangedInputs(_Inputs, _Exchanged):
-    r"""Two inputs of one unit whose columns are exchanged.
-
-    Examples
-    --------
-    >>> pair = PhysicsModel({"y": "m"}, {"y": "2*a - b - y"}, inputs={"a": "V", "b": "V"})
-    >>> print((pair + ExchangedInputs("a and b")).to_text())
-    y' = -a + 2*b - y
-    """
+    r"""Two inputs of one unit whose columns are exchanged."""
 
     id = "exchanged_inputs"
     phrase = "exchange of inputs {target}"
@@ -297,14 +255,7 @@ class ExchangedInputs(_Inputs, _Exchanged):
 
 @dataclass(frozen=True)
 class ExchangedOutputs(_Outputs, _Exchanged):
-    r"""Two outputs of one unit whose columns are exchanged.
-
-    Examples
-    --------
-    >>> pair = PhysicsModel({"a": "m", "b": "m"}, {"a": "-a", "b": "a - b"})
-    >>> dict((pair + ExchangedOutputs("a and b")).outputs)
-    {'a': b, 'b': a}
-    """
+    r"""Two outputs of one unit whose columns are exchanged."""
 
     id = "exchanged_outputs"
     phrase = "exchange of outputs {target}"
@@ -314,8 +265,6 @@ class ExchangedOutputs(_Outputs, _Exchanged):
 class Factor(_OfChannels):
     """A channel that the file holds in another unit, or in counts, as ``"1024 on speed"``.
 
-    Examples
-    --------
     >>> shaft = PhysicsModel({"w": "rad/s"}, {"w": "-w"})
     >>> OutputFactor.targets(shaft)[1], OutputFactor.title("162.974661726 on w")
     ('9.54929658551 on w', 'factor 163 (1024 counts a turn) on w')
@@ -410,14 +359,7 @@ def _number(value: float) -> sympy.Expr:
 
 @dataclass(frozen=True)
 class InputFactor(_Inputs, Factor):
-    r"""An input whose column holds :math:`c\,u`.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> print((lag + InputFactor("1000 on u")).to_text())
-    y' = (u/1000 - y)/T
-    """
+    r"""An input whose column holds :math:`c\,u`."""
 
     id = "input_factor"
     power = -1
@@ -426,16 +368,7 @@ class InputFactor(_Inputs, Factor):
 
 @dataclass(frozen=True)
 class OutputFactor(_Outputs, Factor):
-    r"""An output whose column holds :math:`c\,y`.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> (lag + OutputFactor("1024 on y")).outputs["y"]
-    1024*y
-    >>> OutputFactor("162.974661726 on y").lines(lag)
-    'outputs: {y: "512*y/pi"}'
-    """
+    r"""An output whose column holds :math:`c\,y`."""
 
     id = "output_factor"
     power = 1
@@ -444,16 +377,7 @@ class OutputFactor(_Outputs, Factor):
 
 @dataclass(frozen=True)
 class OtherClock(Wiring):
-    r"""A time in another unit than seconds: :math:`dx/d\tau = c\,f(c\,\tau, x, u)`.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> print((lag + OtherClock("ms")).to_text())
-    y' = (u - y)/(1000*T)
-    >>> OtherClock("ms").lines(lag)
-    'columns: {t: "t [ms]"}'
-    """
+    r"""A time in another unit than seconds: :math:`dx/d\tau = c\,f(c\,\tau, x, u)`."""
 
     id = "other_clock"
     phrase = "time in {target}"

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn.grey_box.cross_validation import FoldResult
-from sklearn_pgnn.grey_box.judged_depths import JudgedDepths
+from sklearn_pgnn.grey_box.cross_validation import FoldResult, JudgedDepths
 
 pytestmark = pytest.mark.core
 

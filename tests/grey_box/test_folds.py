@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn.grey_box.operating_ranges import operating_ranges
+from sklearn_pgnn.grey_box.folds import operating_ranges
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 from sklearn_pgnn.trajectories.record import Record
 
