@@ -49,19 +49,19 @@ def runaway_remedy(diagnosis) -> str:
 def spread_sentence(diagnosis) -> str:
     """Return which parameters lie at an end of a spread or at a bound, and what to do."""
     retuned, said = _retuned(diagnosis), []
+    due = "what is named and what is left" if diagnosis.causes_ else "what is left"
     if names := at_spread_ends(diagnosis.model, retuned):
         lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
         said.append(
             f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: "
-            f"the named causes and the remaining error may be due to a wrong parameter value. If "
-            f"it is not known that well, give a wider spread, or spread: .inf where nothing is "
-            f"known, and diagnose again."
+            f"{due} may come from a wrong parameter value. If it is not known that well, give a "
+            f"wider spread, or spread: .inf where nothing is known, and diagnose again."
         )
     if names := at_bounds(retuned):
         lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
         said.append(
-            f"{listed(names)} {lies} at {bounds} of the model file: what is named and what is left "
-            f"may be due to that. If values beyond are physically possible, give wider bounds, and "
+            f"{listed(names)} {lies} at {bounds} of the model file: {due} may come from that. If "
+            f"values beyond are physically possible, give wider bounds, and "
             f"diagnose again."
         )
     return " ".join(said)

@@ -16,6 +16,7 @@ from sklearn_pgnn.inspection.yardstick import (
     over_windows,
     told_error,
 )
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.effects.rates import is_moving
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -106,8 +107,9 @@ def lacks(causes) -> str:
     """Return a phrase for what a model without some causes lacks, or has a wrong value of."""
     names: dict[str, list[str]] = {}
     for cause in causes:
-        verb = find_effect(cause.effect).lacking
-        names.setdefault(verb, []).append(cause_name(cause.effect, cause.target))
+        verb, name = find_effect(cause.effect).lacking, cause_name(cause.effect, cause.target)
+        is_likeness = verb == Effect.lacking and cause.outside > cause.probability
+        names.setdefault(verb, []).append(f"something like {name}" if is_likeness else name)
     return " and ".join(f"{verb} {listed(each)}" for verb, each in names.items())
 
 

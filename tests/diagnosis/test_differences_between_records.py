@@ -178,6 +178,17 @@ def test_an_onset_is_told_in_seconds(since, said):
     assert marked.records[0].u[:, -1].sum() == (X["t"] >= since).sum()
 
 
+def test_a_trend_rises_in_equal_steps_from_the_first_record_to_the_last():
+    X, y = records(3, {}, (), n_records=3)
+    group = Group((0, 1, 2), None, ParameterDifference, "k", 0.5)
+    marked = mark(CART, read_records(CART, X, y), group)
+    assert [set(record.u[:, -1]) for record in marked.records] == [{0.0}, {0.5}, {1.0}]
+    assert ParameterDifference.title("k(in_sequence)") == "k that changes from record to record"
+    other = ParameterDifference("k(in_sequence)", difference=4.0)
+    said = other.summarise(marked.model.with_parameters(k=50.0) + other)
+    assert said == "k goes from 50 N/m in the first record to 54 N/m in the last."
+
+
 @pytest.mark.slow
 def test_a_difference_is_found_beside_an_effect_that_is_missing():
     rig = CART + effects.CoulombFriction("v", level=0.6)

@@ -60,9 +60,11 @@ def test_what_is_likelier_than_every_name_stands_beside_the_names():
     sure = {"probability": 0.2, "outside": 0.7, "parameters": {}, "confused_with": (rival,)}
     cause = SimpleNamespace(effect="coulomb_friction", target="v", **sure)
     found = SimpleNamespace(causes_=(cause,))
+    assert words.lacks(found.causes_) == "lacks something like Coulomb friction on v"
     assert words._others(found) == f"input bias of F or {words.UNNAMED} in its place"
     assert finding._alternatives(cause).endswith(f"input bias of F or {words.UNNAMED}")
     cause.outside = 0.05
+    assert words.lacks(found.causes_) == "lacks Coulomb friction on v"
     assert words._others(found) == "input bias of F in its place"
     assert finding._alternatives(cause).endswith("on v or input bias of F")
 
@@ -92,12 +94,13 @@ def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
     free = [name for name in model.free_parameters if 0 < model.parameters[name].reach < math.inf]
     values = {name: model.parameters[name].value for name in free}
     found = {name: SimpleNamespace(value=value) for name, value in values.items()}
-    inside = SimpleNamespace(model=model, parameters_=found)
+    inside = SimpleNamespace(model=model, parameters_=found, causes_=())
     assert spread_sentence(inside) == spread_remedy(inside) == ""
     first = free[0]
     reach = model.parameters[first].reach
     found[first] = SimpleNamespace(value=values[first] + reach)
-    said = spread_sentence(SimpleNamespace(model=model, parameters_=found))
+    said = spread_sentence(SimpleNamespace(model=model, parameters_=found, causes_=()))
+    assert "named" not in said
     assert said.startswith(f"{first} lies at the end of what the spread in the model file allowed")
     assert said.endswith(", or spread: .inf where nothing is known, and diagnose again.")
 
@@ -106,7 +109,7 @@ def test_a_parameter_at_a_bound_is_told_with_the_remedy():
     model = systems.cart_on_spring()
     m, d = model.parameters["m"], model.parameters["d"]
     found = {"m": SimpleNamespace(value=m.bounds[1]), "d": SimpleNamespace(value=d.bounds[0])}
-    said = spread_sentence(SimpleNamespace(model=model, parameters_=found))
+    said = spread_sentence(SimpleNamespace(model=model, parameters_=found, causes_=()))
     assert d.bounds[0] == 0.0
     assert said.startswith("m lies at a bound of the model file: ")
     assert said.endswith("give wider bounds, and diagnose again.")
