@@ -28,7 +28,8 @@ from sklearn_pgnn.estimation.problem import (
     with_substeps,
 )
 from sklearn_pgnn.estimation.progress import Progress
-from sklearn_pgnn.estimation.record_differences import Group, find_group, mark, n_groups
+from sklearn_pgnn.estimation.record_differences import find_group, n_groups
+from sklearn_pgnn.estimation.record_groups import Group, mark
 from sklearn_pgnn.estimation.stretches import is_long, on_stretches
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect

@@ -15,62 +15,31 @@ which the quantity is larger is then the next best. For a trend from record to r
 weighted, from zero in the first record to one in the last.
 """
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
-from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.estimation.budgets import KEPT, STEPS
+from sklearn_pgnn.estimation.difference_fits import MARKED, ONSETS, DifferenceFits, share_of
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.physics.effects.differences import AND, DIFFERENCES, IN, SINCE, TREND, Difference
+from sklearn_pgnn.estimation.record_groups import Group
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES, IN, Difference
 from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.normal_equations import Normal, project
 from sklearn_pgnn.simulation.window_fit import (
     ParameterPrior,
     WindowFit,
-    fit_windows,
     prior_precision,
 )
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
-from sklearn_pgnn.trajectories.record import Record
 
 #: a column that is one in every record: what differs in all of them is what any may differ in
 ALL = f"{IN}all_records"
-#: and one that is one in a group
-MARKED = f"{IN}marked"
-#: longest column that is made of the names of its records
-LONGEST = 60
-#: onsets that are compared at a time
-ONSETS = 12
 #: part of a quantity's own curvature below which shared parameters take its place
 FLAT = 1e-9
-
-
-class Group(NamedTuple):
-    """Records that may differ from the others, or from an onset on from what they were before.
-
-    All records without an onset differ by a trend from the first to the last.
-    """
-
-    records: tuple[int, ...]
-    since: float | None
-    kind: type[Difference]
-    quantity: str
-    share: float
-
-
-class Marked(NamedTuple):
-    """A model and its records with a column that marks a group, and what may differ there."""
-
-    model: PhysicsModel
-    records: tuple[Record, ...]
-    candidates: tuple[Difference, ...]
-    column: str
 
 
 @dataclass(frozen=True)
@@ -148,92 +117,8 @@ def find_group(
         )
         for records, decrease in _in_each_and_all(windows.record, normal)
     ]
-    groups.sort(key=_share, reverse=True)
-    return _Fits(problem, fit, each_step).best(groups)
-
-
-def _share(group: Group) -> float:
-    return group.share
-
-
-class _Fits:
-    """Fits of what may differ, and since when: a large difference is far from linear."""
-
-    def __init__(
-        self,
-        problem: EstimationProblem,
-        fit: WindowFit,
-        each_step: Callable[[], bool | None] | None,
-    ):
-        self.problem, self.fit, self.each_step = problem, fit, each_step
-        windows = problem.windows
-        self.record = windows.record_at(np.arange(len(windows.t)))
-
-    def best(self, groups: list[Group]) -> Group | None:
-        """Return the best of groups in the order of what they explain by a linear model."""
-        of_records = {g.records: g for g in reversed(groups) if g.since is None}  # the last is best
-        usual = sorted(of_records.values(), key=_share, reverse=True)[:KEPT]
-        best = max(map(self.tried, usual), key=_share, default=None)
-        first = next((group for group in groups if group.since is not None), None)
-        if first is None or (best is not None and best.share >= first.share):
-            return best
-        near = [g for g in reversed(groups) if g.records == first.records and g.since is not None]
-        of_each = {(group.kind, group.quantity): group for group in near}
-        sudden = self.settled(list(of_each.values()))
-        return sudden if best is None else max(best, sudden, key=_share)
-
-    def settled(self, groups: list[Group]) -> Group:
-        """Return the group with the onset, to a sample, that leaves least.
-
-        Every quantity has an onset of its own; the better half goes on to smaller steps.
-        """
-        tried = [self.tried(group) for group in groups]
-        step = max(1, len(self._times(groups[0])) // ONSETS)
-        while step:
-            tried = [self._nearest(group, step) for group in tried]
-            tried.sort(key=_share, reverse=True)
-            tried, step = tried[: -(-len(tried) // 2)], step // 2
-        return tried[0]
-
-    def _times(self, group: Group) -> np.ndarray:
-        """Return the times of the samples of the records of a group."""
-        return np.unique(self.problem.windows.t[np.isin(self.record, group.records)])
-
-    def _nearest(self, group: Group, step: int) -> Group:
-        """Move the onset by steps of some samples as long as less is left."""
-        times = self._times(group)
-        while True:
-            here = int(np.searchsorted(times, float(group.since or 0.0)))
-            places = [k for k in (here - step, here + step) if 0 < k < len(times)]
-            tried = [self.tried(group._replace(since=float(times[k]))) for k in places]
-            better = max(tried, key=_share, default=group)
-            if better.share <= group.share:
-                return group
-            group = better
-
-    def tried(self, group: Group) -> Group:
-        """Return a group with the share of the squares that a fit of its difference explains."""
-        windows, cause = self.problem.windows, group.kind(pair(group.quantity, MARKED))
-        wider = self.fit.model.replace(inputs={**self.fit.model.inputs, MARKED: ""})
-        model = wider + cause
-        ((field, name),) = cause.names().items()
-        low, high = cause.limits(cause.target, wider, self.problem.scales).get(
-            field, model.parameters[name].bounds
-        )
-        own = ParameterPrior(name, low, high, 0.0, np.inf, 1.0)
-        marks = _marks(group, self.record, windows.t, len(windows.bounds) - 1)
-        marked = replace(windows, u=np.column_stack([windows.u, marks]))
-        again = fit_windows(
-            model,
-            marked,
-            (*self.fit.freedoms, own),
-            *self.problem.states.expected_starts(self.fit.model, windows),
-            x0_start=self.fit.x0,
-            max_steps=STEPS,
-            each_step=self.each_step,
-        )
-        share = 1.0 - again.squares / self.fit.squares
-        return group._replace(share=share if again.usable else 0.0)
+    groups.sort(key=share_of, reverse=True)
+    return DifferenceFits(problem, fit, each_step).best(groups)
 
 
 def _within_windows(problem: EstimationProblem) -> np.ndarray:
@@ -354,50 +239,3 @@ def _each_and_all(record: np.ndarray) -> list[np.ndarray]:
     """Return the windows of all records together, and of each."""
     known = np.unique(record)
     return [np.arange(len(record)), *(np.flatnonzero(record == r) for r in known if known.size > 1)]
-
-
-def mark(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> Marked:
-    """Return a model and its records with a column that is one in a group, else zero."""
-    column = _column(model, records, group)
-    marked = tuple(
-        replace(
-            record,
-            u=np.column_stack(
-                [record.u, _marks(group, np.full(len(record.t), r), record.t, len(records))]
-            ),
-        )
-        for r, record in enumerate(records)
-    )
-    candidates = [
-        kind(pair(name, column)) for kind in DIFFERENCES for name in kind.quantities_of(model)
-    ]
-    wider = model.replace(inputs={**model.inputs, column: ""})
-    return Marked(wider, marked, tuple(candidates), column)
-
-
-def _marks(group: Group, record: np.ndarray, t: np.ndarray, n_records: int) -> np.ndarray:
-    """Return the column of a group, or of a trend, at samples of some records."""
-    if _is_trend(group, n_records):
-        return record / (n_records - 1.0)
-    is_later = t >= (-np.inf if group.since is None else group.since)
-    return (np.isin(record, group.records) & is_later).astype(float)
-
-
-def _is_trend(group: Group, n_records: int) -> bool:
-    return group.since is None and len(group.records) == n_records
-
-
-def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> str:
-    """Return a name for a group: that of its records, if these are short, and its onset."""
-    if _is_trend(group, len(records)):
-        return TREND
-    names = [re.sub(r"\W+", "_", records[r].name) for r in group.records]
-    name = IN + AND.join(names)
-    if len(names) == len(records):
-        name = f"{IN}all"
-    elif len(name) > LONGEST:
-        name = f"{IN}group_{len(model.inputs)}"
-    if group.since is None:
-        return name
-    time = np.format_float_positional(group.since, 4, unique=False, fractional=False, trim="-")
-    return name + SINCE + re.sub(r"\W", "p", time)

@@ -11,7 +11,7 @@ from schemas import faults
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import result
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
-from sklearn_pgnn.estimation.record_differences import Group, mark
+from sklearn_pgnn.estimation.record_groups import Group, mark
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.effects.differences import ParameterDifference, where_of
 from sklearn_pgnn.trajectories import read_records

@@ -1,0 +1,84 @@
+"""Groups of records that differ, and the column that marks one in the records."""
+
+import re
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from sklearn_pgnn.physics.effects.differences import AND, DIFFERENCES, IN, SINCE, TREND, Difference
+from sklearn_pgnn.physics.effects.targets import pair
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.record import Record
+
+#: longest column that is made of the names of its records
+LONGEST = 60
+
+
+class Group(NamedTuple):
+    """Records that may differ from the others, or from an onset on from what they were before.
+
+    All records without an onset differ by a trend from the first to the last.
+    """
+
+    records: tuple[int, ...]
+    since: float | None
+    kind: type[Difference]
+    quantity: str
+    share: float
+
+
+class Marked(NamedTuple):
+    """A model and its records with a column that marks a group, and what may differ there."""
+
+    model: PhysicsModel
+    records: tuple[Record, ...]
+    candidates: tuple[Difference, ...]
+    column: str
+
+
+def mark(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> Marked:
+    """Return a model and its records with a column that is one in a group, else zero."""
+    column = _column(model, records, group)
+    marked = tuple(
+        replace(
+            record,
+            u=np.column_stack(
+                [record.u, marks_of(group, np.full(len(record.t), r), record.t, len(records))]
+            ),
+        )
+        for r, record in enumerate(records)
+    )
+    candidates = [
+        kind(pair(name, column)) for kind in DIFFERENCES for name in kind.quantities_of(model)
+    ]
+    wider = model.replace(inputs={**model.inputs, column: ""})
+    return Marked(wider, marked, tuple(candidates), column)
+
+
+def marks_of(group: Group, record: np.ndarray, t: np.ndarray, n_records: int) -> np.ndarray:
+    """Return the column of a group, or of a trend, at samples of some records."""
+    if _is_trend(group, n_records):
+        return record / (n_records - 1.0)
+    is_later = t >= (-np.inf if group.since is None else group.since)
+    return (np.isin(record, group.records) & is_later).astype(float)
+
+
+def _is_trend(group: Group, n_records: int) -> bool:
+    return group.since is None and len(group.records) == n_records
+
+
+def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> str:
+    """Return a name for a group: that of its records, if these are short, and its onset."""
+    if _is_trend(group, len(records)):
+        return TREND
+    names = [re.sub(r"\W+", "_", records[r].name) for r in group.records]
+    name = IN + AND.join(names)
+    if len(names) == len(records):
+        name = f"{IN}all"
+    elif len(name) > LONGEST:
+        name = f"{IN}group_{len(model.inputs)}"
+    if group.since is None:
+        return name
+    time = np.format_float_positional(group.since, 4, unique=False, fractional=False, trim="-")
+    return name + SINCE + re.sub(r"\W", "p", time)
