@@ -1,6 +1,9 @@
 """The core works without any extra, and what needs one says which."""
 
 import json
+import re
+import tomllib
+from pathlib import Path
 
 import pytest
 from blocked import run_without
@@ -8,6 +11,10 @@ from blocked import run_without
 from sklearn_pgnn.extras import EXTRA_OF, EXTRAS
 
 pytestmark = pytest.mark.core
+
+PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+#: what is installed to build and test, and what takes in all others
+OTHERS = {"all", "docs", "test"}
 
 #: by extra, what needs it
 USES = {
@@ -164,3 +171,10 @@ for use in {list(uses.values())}:
     assert result.returncode == 0, result.stderr
     said = "a shared object is missing" if "raise" in inside else "No module named 'its_own_need'"
     assert result.stdout.splitlines() == [said] * len(uses)
+
+
+def test_every_extra_can_be_installed_and_all_takes_them_in():
+    offered = PROJECT["project"]["optional-dependencies"]
+    assert set(offered) - OTHERS == set(EXTRAS)
+    (every,) = offered["all"]
+    assert set(re.search(r"\[(.*)\]", every)[1].split(",")) == set(EXTRAS)

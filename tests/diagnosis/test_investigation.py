@@ -55,24 +55,6 @@ def four_unless_told(fitter, trial, *, is_told):
     return fitter.problem.windows.steps if is_told else Steps("rk4", 4)
 
 
-@pytest.mark.parametrize("told", [None, 1])
-def test_where_nothing_is_found_but_the_steps_matter_it_is_searched_again(monkeypatch, told):
-    searched = []
-    search = investigation.Investigation._search
-
-    def counted(self, fitter):
-        searched.append(fitter.problem.windows.substeps)
-        return search(self, fitter)
-
-    monkeypatch.setattr(investigation.Investigation, "_search", counted)
-    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
-    X, y = follow_steps(SERVO)
-    found = ModelDiagnosis(SERVO, catalogue=("input_bias",), substeps=told).fit(X, y)
-    assert found.verdict_ == "model_adequate"
-    assert found.substeps_ == (told or 4)
-    assert searched[1:] == ([] if told else [4])
-
-
 # -- where the time is up --------------------------------------------------------------------------
 
 
@@ -91,17 +73,6 @@ def test_a_model_is_not_adequate_where_time_ends_before_what_is_left_is_explaine
     found = ModelDiagnosis(FAN, catalogue=("input_bias",)).fit(*spin(-8.0))
     assert (found.remaining_.kind, found.verdict_) == (left, "provisional")
     assert not found.complete_
-
-
-def test_where_time_ends_in_finer_steps_all_is_of_the_steps_before(monkeypatch):
-    def use_and_end(self, fitter, found):
-        self._use(fitter, self.ladder.candidates)
-        end()
-
-    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
-    monkeypatch.setattr(investigation.Search, "in_steps_of", use_and_end)
-    found = ModelDiagnosis(FAN, catalogue=("coulomb_friction",)).fit(*spin(-8.0))
-    assert (found.verdict_, found.substeps_) == ("cause_named", 1)
 
 
 def test_a_search_that_time_ends_takes_no_place_of_one_that_came_to_its_end(monkeypatch):

@@ -220,16 +220,6 @@ def search():
     return Search(fitter, candidates, CRITERION, 3, lambda trial: False, lambda search: False)
 
 
-def test_moves_that_go_round_in_a_circle_end_where_every_cause_is_named(search, monkeypatch):
-    rubbed = fitted(search.fitter, effects.CoulombFriction)
-    loaded = fitted(search.fitter, effects.ConstantLoad)  # no load hides in the records
-    course = iter([rubbed, loaded, search.current])
-    monkeypatch.setattr(search, "_moves", lambda current: [lambda _: [next(course)]])
-    monkeypatch.setattr(search.moves, "begin_anew", lambda trial: trial)
-    search._climb()
-    assert search.current.hypothesis == rubbed.hypothesis
-
-
 def test_a_search_that_time_ends_names_nothing_that_is_nothing(search):
     search.current = fitted(search.fitter, effects.CoulombFriction, effects.ConstantLoad)
     assert [c.id for c in search.so_far().final.hypothesis.causes] == ["coulomb_friction"]
@@ -240,52 +230,6 @@ def test_a_search_that_time_ends_returns_the_best_that_stands(search):
     search._standing = rubbed
     search.current = fitted(search.fitter, effects.ConstantLoad)  # no load hides in the records
     assert search.so_far().final.hypothesis == rubbed.hypothesis
-
-
-@pytest.mark.parametrize(("evidence", "goes_on"), [(-1.0, False), (1.0, True)])
-def test_a_search_goes_on_through_what_no_disturbance_explains_better(
-    search, monkeypatch, evidence, goes_on
-):
-    """It may stand for causes yet to be found: what is named at the end must stand beside it."""
-    rubbed = fitted(search.fitter, effects.CoulombFriction)
-    monkeypatch.setattr(search.compare, "is_coloured", lambda *_: True)
-    monkeypatch.setattr(search.compare, "evidence_disturbed", lambda *_: evidence)
-    search._visited[search.fitter.key(search.current.hypothesis)] = 0.0
-    found = search._first_of([lambda _: [rubbed]], search.current)
-    assert found is (rubbed if goes_on else None)
-    assert not search.moves.pruned(rubbed, search.criterion.to_name).hypothesis.causes
-
-
-@pytest.mark.parametrize(("disturbed", "goes_aside"), [(1.0, True), (-1.0, True), (1.0, False)])
-def test_what_is_better_beside_a_disturbance_only_is_a_way_on_where_there_is_no_other(
-    search, monkeypatch, disturbed, goes_aside
-):
-    kinds = effects.ConstantLoad, effects.QuadraticDrag, effects.CoulombFriction
-    dropped, kept, better = (fitted(search.fitter, kind) for kind in kinds)
-    monkeypatch.setattr(
-        search.moves, "pruned", lambda trial, needed: kept if trial is dropped else trial
-    )
-    monkeypatch.setattr(search.compare, "evidence", lambda *_: -1.0)
-    monkeypatch.setattr(search.compare, "evidence_disturbed", lambda *_: disturbed)
-    ways = [lambda _: [dropped]], [lambda _: [dropped], lambda _: [better]]
-    alone, beside = (search._first_of(moves, search.current, goes_aside) for moves in ways)
-    assert alone is (kept if goes_aside and disturbed > 0.0 else None)
-    assert beside is better
-
-
-@pytest.mark.slow
-def test_where_a_disturbance_takes_what_was_found_the_search_goes_on(monkeypatch):
-    """The verdict is a hypothesis from which no move that stands leads on."""
-    rig = SLEDGE + effects.CoulombFriction("v", level=0.2) + effects.QuadraticDrag("v", 0.5)
-    problem = build_problem(SLEDGE, read_records(SLEDGE, *drive(rig, n_records=3)))
-    search = search_of(problem, *(kind("v") for kind in KINDS[:3]))
-    none, taken = search.current, effects.CoulombFriction("v")
-
-    def without_taken(trial, needed):
-        return none if needed > 0.0 and taken in trial.hypothesis.causes else trial
-
-    monkeypatch.setattr(search.moves, "pruned", without_taken)
-    assert search.run().final.hypothesis.causes == (effects.QuadraticDrag("v"),)
 
 
 # -- where the time is up --------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from copy import deepcopy
 
 import pytest
 from click.testing import CliRunner
-from rough_sledge import rough_sledge
+from sledge import rough_sledge
 
 from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import strict_json

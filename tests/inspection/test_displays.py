@@ -3,10 +3,9 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from rough_sledge import rough_sledge
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
-from sledge import SLEDGE
+from sledge import SLEDGE, rough_sledge
 
 from sklearn_pgnn import PhysicsModelRegressor
 from sklearn_pgnn.inspection import (

@@ -3,8 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from rough_sledge import rough_sledge
-from sledge import NOISE, SLEDGE, drive
+from sledge import NOISE, SLEDGE, drive, rough_sledge
 
 from sklearn_pgnn import systems
 from sklearn_pgnn.inspection import first_look

@@ -3,8 +3,7 @@
 from html.parser import HTMLParser
 
 import pytest
-from rough_sledge import rough_sledge
-from sledge import SLEDGE
+from sledge import SLEDGE, rough_sledge
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 
