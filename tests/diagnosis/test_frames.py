@@ -4,7 +4,7 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from rough_sledge import rough_sledge
+from sledge import rough_sledge
 
 from sklearn_pgnn.diagnosis import NamedCause, Rival
 from sklearn_pgnn.diagnosis.frames import causes_frame
