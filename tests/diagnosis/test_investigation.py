@@ -1,7 +1,5 @@
 """The course of a diagnosis: which candidates are looked at, and in what integration steps."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,8 +11,7 @@ from sklearn_pgnn.estimation.progress import TimeIsUp
 from sklearn_pgnn.simulation.substeps import Steps
 
 FAN = PhysicsModel({"v": "rad/s"}, {"v": "(K*u - v)/T"}, {"K": 2.0, "T": 0.3}, {"u": "V"})
-DRY, DRY_CAUSE = effects.CoulombFriction("v", level=3.0), effects.CoulombFriction("v")
-KINDS = ("coulomb_friction", "sensor_bias")
+DRY = effects.CoulombFriction("v", level=3.0)
 
 
 def spin(least):
@@ -112,25 +109,3 @@ def test_what_was_found_with_held_inputs_is_provisional_where_a_better_hold_came
     assert [(cause.effect, cause.tested) for cause in found.causes_] == [
         ("coulomb_friction", False)
     ]
-
-
-# -- finer steps -----------------------------------------------------------------------------------
-
-
-def test_what_is_left_is_asked_again_where_finer_steps_drop_a_cause(monkeypatch):
-    def without_friction(self, fitter, found):
-        self._use(fitter, self.ladder.candidates)
-        kept = fitter.reduce(fitter.subsample(fitter.refit(found.final)), DRY_CAUSE)
-        return replace(found, base=fitter.base(), steps=[fitter.fit_all(kept, fitter.base())])
-
-    rng, t = np.random.default_rng(0), 0.01 * np.arange(1500)
-    u = np.repeat(rng.uniform(-8.0, 8.0, size=15), 100)
-    fan = FAN + DRY + effects.SensorBias("v", bias=2.0)
-    y = fan.simulate(t, u, [0.0]).y[:, 0] + 0.02 * rng.normal(size=t.size)
-    X, fit = pd.DataFrame({"t": t, "u": u}), ModelDiagnosis(FAN, catalogue=KINDS).fit
-    assert {cause.effect for cause in fit(X, y).causes_} == set(KINDS)
-    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
-    monkeypatch.setattr(investigation.Search, "in_steps_of", without_friction)
-    found = fit(X, y)
-    assert [cause.effect for cause in found.causes_] == ["sensor_bias"]
-    assert found.remaining_.kind == "structure"

@@ -6,7 +6,6 @@ import pytest
 from sledge import NOISE, SLEDGE, STEP, drive
 
 from sklearn_pgnn import ModelDiagnosis, effects
-from sklearn_pgnn.diagnosis import search
 from sklearn_pgnn.estimation import stretches
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.estimation.stretches import is_long, on_stretches, telling_stretches
@@ -98,40 +97,6 @@ def test_what_is_found_on_stretches_is_judged_on_all_records(small_budget):
     assert level.high - level.low == pytest.approx(
         same.parameters["level"].high - same.parameters["level"].low, rel=0.1
     )
-
-
-def test_what_all_records_do_not_name_is_dropped(small_budget, monkeypatch):
-    X, y = drive(n_records=3, samples=2000)
-    monkeypatch.setattr(search.Search, "run", _take_drag)
-    diagnosis = ModelDiagnosis(SLEDGE, catalogue=KINDS).fit(X, y)
-    assert (diagnosis.verdict_, diagnosis.causes_) == ("model_adequate", ())
-
-
-def _take_drag(self, begin):
-    """Accept a cause that is not there."""
-    ground = self.fitter.subsample(self.current)
-    fit = self.fitter.converge(self.fitter.first_fit(ground, effects.QuadraticDrag("v")))
-    self.current = self.fitter.fit_all(fit, self.current)
-    return self.so_far()
-
-
-def _end_with_drag(self, begin):
-    """Accept a cause that is not there, and end early."""
-    ground = self.fitter.subsample(self.fitter.base())
-    fit = self.fitter.converge(self.fitter.first_fit(ground, effects.QuadraticDrag("v")))
-    self.current = self.fitter.fit_all(fit, self.fitter.base())
-    self.progress.end("time is up")
-    return self._result(complete=False)
-
-
-@pytest.mark.slow
-def test_all_records_drop_a_needless_cause_of_a_search_that_ended_early(small_budget, monkeypatch):
-    monkeypatch.setattr(search.Search, "run", _end_with_drag)
-    X, y = drive(n_records=3, samples=2000, noise=NOISE)
-    diagnosis = ModelDiagnosis(SLEDGE, catalogue=KINDS).fit(X, y)
-    assert diagnosis.causes_ == ()
-    assert not diagnosis.tested_
-    assert not diagnosis.complete_
 
 
 def test_a_time_limit_leaves_a_result_on_all_records(small_budget):
