@@ -33,6 +33,7 @@ from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.physics.effects.differences import SINCE
 from sklearn_pgnn.physics.effects.targets import parts
+from sklearn_pgnn.physics.expressions import symbol
 
 #: X and y of a record
 Tables = tuple[pd.DataFrame, pd.DataFrame]
@@ -106,7 +107,7 @@ class Fault:
 def simulated(cases: list[tuple[int, Fault | None]]) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
     """Return driving cycles, each with a fault, if any, from its onset on."""
     leaky = engine()
-    rates = {**leaky.equations, "pim": leaky.equations["pim"].subs("L", "leak")}
+    rates = {**leaky.equations, "pim": leaky.equations["pim"].subs(symbol("L"), symbol("leak"))}
     leaky = leaky.replace(inputs={**leaky.inputs, "leak": ""}, equations=rates)
     t, later = cycle(0)[0], cycle(0)[0] >= ONSET
     leaks = [fault.size * later if fault and fault.where == "L" else 0.0 * t for _, fault in cases]
