@@ -1,0 +1,167 @@
+"""How much records tell of a model's parameters: a quick fit, and the information of windows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from time import monotonic
+
+import numpy as np
+
+from sklearn_pgnn.estimators.parameter_search import ParameterFit, fit_locally
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.record_quality.excitation import information_of, rich_windows
+from sklearn_pgnn.record_quality.limits import HURRY, LOOSE, MOST_SAMPLES
+from sklearn_pgnn.simulation.freedom import freedom_of
+from sklearn_pgnn.simulation.normal_equations import normal_equations
+from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS, window_records, without_gaps
+from sklearn_pgnn.simulation.uncertainty import NORMAL_95, invert, standard_errors, trusted_spread
+from sklearn_pgnn.simulation.windows import ShootingWindows
+from sklearn_pgnn.trajectories.record import Record
+
+#: tolerance of the fit
+TOLERANCE = 1e-5
+#: share of its curvature that keeps a direction without information in order
+ORDERED = 1e-8
+
+
+@dataclass(frozen=True)
+class Told:
+    """What records tell of the parameters of a fit, relative to the `size` of each.
+
+    `errors` are standard errors, infinite where nothing is told; `raised` is by how much residuals
+    that are not white raise a variance, and the fit has one of `every` windows.
+    """
+
+    found: ParameterFit
+    every: int
+    size: np.ndarray
+    errors: np.ndarray
+    information: np.ndarray
+    raised: np.ndarray
+    spread: np.ndarray
+
+    @property
+    def names(self) -> list[str]:
+        """The parameters."""
+        return [each.name for each in self.found.fit.freedoms]
+
+    def half_widths(
+        self, information: np.ndarray, which: Sequence[int] | None = None
+    ) -> np.ndarray:
+        """Return the half-widths of 95 % intervals of some parameters, the others known."""
+        kept = list(range(len(self.size))) if which is None else list(which)
+        inverse, flat = invert(information[np.ix_(kept, kept)])
+        half = NORMAL_95 * np.sqrt(self.raised[kept] * np.diag(inverse))
+        return np.where(flat, np.inf, half)
+
+    def along(self, windows: ShootingWindows, x0: np.ndarray) -> np.ndarray:
+        """Return the information that other windows would give at the same values."""
+        model = self.found.fit.model
+        plain = information_of(model, windows, x0, self.spread, self.names)
+        return self.every * plain * np.outer(self.size, self.size)
+
+    def with_rich_inputs(self) -> np.ndarray:
+        """Return the information under inputs of the same range with many frequencies."""
+        return self.along(*rich_windows(self.found.fit, self.found.windowed.windows))
+
+    def sampled(self, times: int) -> np.ndarray:
+        """Return the information of so many times as many samples in the same time."""
+        return self.along(finer(self.found.windowed.windows, times), self.found.fit.x0)
+
+
+def tell(model: PhysicsModel, records: tuple[Record, ...]) -> Told:
+    r"""Fit a model's free parameters to records in seconds, and return what these tell of them.
+
+    A weak prior, as wide as `LOOSE` times each value, holds directions that the records do not
+    determine near the given values. It does not count as information.
+    """
+    windowed = window_records(model, without_gaps(records))
+    windows, end = windowed.windows, monotonic() + HURRY
+    every = int(min(windows.lengths.sum() // MOST_SAMPLES, len(windows) // MIN_WINDOWS))
+    some = windows.select(np.arange(0, len(windows), every)) if every > 1 else windows
+    free = [freedom_of(model, name, within_spread=False) for name in model.free_parameters]
+    held = tuple(replace(f, spread=LOOSE * abs(f.centre) if f.centre else np.inf) for f in free)
+    found = fit_locally(
+        model, replace(windowed, windows=some), held, TOLERANCE, lambda: monotonic() > end
+    )
+    loose = tuple(replace(each, spread=np.inf) for each in found.fit.freedoms)
+    return _told(replace(found, fit=replace(found.fit, freedoms=loose)), max(every, 1))
+
+
+def _told(found: ParameterFit, every: int) -> Told:
+    fit = found.fit
+    spread = trusted_spread(fit, found.expected, found.spread)
+    size = np.maximum(np.abs(fit.values), [abs(each.centre) for each in fit.freedoms])
+    size = np.where(size > 0, size, 1.0)
+    errors = np.array(list(standard_errors(fit, found.expected, spread).values()))
+    errors = errors / size / np.sqrt(every)
+    n = len(size)
+    hessian = normal_equations(fit, found.expected, spread).hessian.sum(axis=0)
+    information = every * hessian * np.outer(size, size) if fit.usable else np.zeros((n, n))
+    inverse, flat = invert(information) if n else (information, np.zeros(0, dtype=bool))
+    seen = ~flat & np.isfinite(errors) & (np.diag(inverse) > 0)
+    raised = np.divide(errors**2, np.diag(inverse), out=np.ones(n), where=seen)
+    count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
+    usual = max(1.0, fit.squares / count) if fit.usable else 1.0
+    raised = np.where(seen, raised, max(usual, float(raised.max(initial=1.0))))
+    return Told(found, every, size, errors, information, raised, spread)
+
+
+def partners(told: Told, place: int, enough: float) -> list[int]:
+    """Return the fewest other parameters that, if known, leave one with a small interval.
+
+    They are taken one by one, the most helpful first, and those that turn out idle are left out;
+    empty if even all of them are not enough.
+    """
+    others = [i for i in range(len(told.size)) if i != place]
+    if not told.half_widths(told.information, [place])[0] < enough:
+        return []
+    ordered = told.information + np.diag(ORDERED * np.diag(told.information))
+
+    def width(known: list[int], information: np.ndarray) -> float:
+        kept = [place, *(i for i in others if i not in known)]
+        return float(told.half_widths(information, kept)[0])
+
+    known: list[int] = []
+    while not width(known, told.information) < enough:
+        left = [i for i in others if i not in known]
+        known.append(min(left, key=lambda i: width([*known, i], ordered)))
+    for each in list(known):
+        fewer = [i for i in known if i != each]
+        if width(fewer, told.information) < enough:
+            known = fewer
+    return sorted(known)
+
+
+def sample_steps(windows: ShootingWindows) -> np.ndarray:
+    """Return the sample intervals of all records [s]."""
+    return np.concatenate([np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)])
+
+
+def finer(windows: ShootingWindows, times: int) -> ShootingWindows:
+    """Return windows with more samples in the same time, under the same course of the inputs.
+
+    Only what is simulated matters: outputs are zero where they are measured.
+    """
+    counts = np.diff(windows.bounds)
+    firsts = np.concatenate([[0], np.cumsum((counts - 1) * times + 1)])
+    places = [
+        a + np.arange((n - 1) * times + 1) / times
+        for a, n in zip(windows.bounds[:-1], counts, strict=True)
+    ]
+    place = np.concatenate(places)
+    before = np.floor(place + 1e-9).astype(int)
+    index = np.arange(windows.t.size)
+    held = windows.hold == "zoh"
+    u = [np.interp(place, index, column) for column in windows.u.T]
+    begun = firsts[windows.record] + (windows.starts - windows.bounds[windows.record]) * times
+    return replace(
+        windows,
+        t=np.interp(place, index, windows.t),
+        u=windows.u[before] if held else np.reshape(u, (-1, place.size)).T.copy(),
+        y=np.where(np.isfinite(windows.y[before]), 0.0, np.nan),
+        bounds=firsts,
+        starts=begun,
+        lengths=(windows.lengths - 1) * times + 1,
+        substeps=-(-windows.substeps // times),
+    )
