@@ -156,7 +156,7 @@ def fit_locally(
 ) -> ParameterFit:
     """Follow the gradient to the nearest minimum on all windows, in steps that do not matter."""
     found = _fit_in_steps(model, windowed, free, tolerance, each_step)
-    for _ in range(REFINED):
+    for _ in range(REFINED if each_step is None or not each_step() else 0):
         steps = steps_for_fit(found.windowed, found.fit, found.expected, found.spread)
         if steps == found.windowed.windows.steps:
             break
@@ -182,7 +182,8 @@ def _fit_in_steps(
         is_known = set(model.states) <= set(windowed.states.known)
         before = [model.parameters[each.name].value for each in fit.freedoms]
         settled = np.allclose(fit.values, np.array(before), rtol=SETTLED, atol=0.0)
-        if is_known or not np.isfinite(fit.objective) or settled:
+        is_told_to_end = each_step is not None and each_step()
+        if is_known or not np.isfinite(fit.objective) or settled or is_told_to_end:
             break  # hidden states move no more
         model, x0_start = fit.model, fit.x0
     return ParameterFit(fit, expected, spread, windowed)

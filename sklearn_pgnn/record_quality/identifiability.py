@@ -9,7 +9,7 @@ import numpy as np
 from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import listed
-from sklearn_pgnn.record_quality.information import Told, partners, sample_steps, tell
+from sklearn_pgnn.record_quality.information import Told, can_be_finer, partners, sample_steps, tell
 from sklearn_pgnn.record_quality.lags import FoundLag, find_lags
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate, estimate_of
 from sklearn_pgnn.trajectories import read_records
@@ -17,8 +17,8 @@ from sklearn_pgnn.trajectories import read_records
 #: half-width of a 95 % interval, as a share of the value, below which a parameter is identifiable,
 #: and up to which it is weakly so
 TOLD, WEAK = 0.2, 1.0
-#: how many times as many samples in the same time are tried, and most samples of these
-TIMES, MOST_FINE = (2, 4, 8, 16), 200_000
+#: how many times as many samples in the same time are tried
+TIMES = (2, 4, 8, 16)
 #: fall of an interval with as many samples in less time from which on the sampling is too slow
 FALL = 0.5
 #: how many times longer records are worth suggesting
@@ -127,7 +127,7 @@ def identifiability(model: PhysicsModel, X: ArrayLike, y: ArrayLike) -> Identifi
     count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
     left = float(np.sqrt(fit.squares / count)) if fit.usable else np.inf
     rows = tuple(judged.parameter(i) for i in range(len(told.names)))
-    return Identifiability(rows, find_lags(told.found), left, judged.best_record())
+    return Identifiability(rows, find_lags(told.found, told.is_late), left, judged.best_record())
 
 
 class _Judged:
@@ -146,8 +146,8 @@ class _Judged:
     @cached_property
     def fine(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
         """Half-widths with more samples in the same time, and with as many in less."""
-        samples, found = int(self.told.found.windowed.windows.lengths.sum()), {}
-        for times in (n for n in TIMES if n * samples <= MOST_FINE):
+        windows, found = self.told.found.windowed.windows, {}
+        for times in (n for n in TIMES if can_be_finer(windows, n)):
             more = self.told.sampled(times)
             found[times] = self.told.half_widths(more), self.told.half_widths(more / times)
         return found

@@ -1,16 +1,16 @@
 """How much records tell of a model's parameters: a quick fit, and the information of windows."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from time import monotonic
+from time import process_time
 
 import numpy as np
 
 from sklearn_pgnn.estimators.parameter_search import ParameterFit, fit_locally
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.excitation import information_of, rich_windows
-from sklearn_pgnn.record_quality.limits import HURRY, LOOSE, MOST_SAMPLES
+from sklearn_pgnn.record_quality.limits import HURRY, LOOSE, MOST_FINE, MOST_SAMPLES
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.normal_equations import normal_equations
 from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS, window_records, without_gaps
@@ -29,11 +29,13 @@ class Told:
     """What records tell of the parameters of a fit, relative to the `size` of each.
 
     `errors` are standard errors, infinite where nothing is told; `raised` is by how much residuals
-    that are not white raise a variance, and the fit has one of `every` windows.
+    that are not white raise a variance, and the fit has one of `every` windows; `is_late` is
+    whether the time for all is over.
     """
 
     found: ParameterFit
     every: int
+    is_late: Callable[[], bool]
     size: np.ndarray
     errors: np.ndarray
     information: np.ndarray
@@ -76,20 +78,22 @@ def tell(model: PhysicsModel, records: tuple[Record, ...]) -> Told:
     determine near the given values. It does not count as information.
     """
     windowed = window_records(model, without_gaps(records))
-    windows, end = windowed.windows, monotonic() + HURRY
+    windows, end = windowed.windows, process_time() + HURRY
+
+    def is_late() -> bool:
+        return process_time() > end
+
     every = int(min(windows.lengths.sum() // MOST_SAMPLES, len(windows) // MIN_WINDOWS))
     some = windows.select(np.arange(0, len(windows), every)) if every > 1 else windows
     free = [freedom_of(model, name, within_spread=False) for name in model.free_parameters]
     held = tuple(replace(f, spread=LOOSE * abs(f.centre) if f.centre else np.inf) for f in free)
-    found = fit_locally(
-        model, replace(windowed, windows=some), held, TOLERANCE, lambda: monotonic() > end
-    )
+    found = fit_locally(model, replace(windowed, windows=some), held, TOLERANCE, is_late)
+    return _told(found, max(every, 1), is_late)
+
+
+def _told(found: ParameterFit, every: int, is_late: Callable[[], bool]) -> Told:
     loose = tuple(replace(each, spread=np.inf) for each in found.fit.freedoms)
-    return _told(replace(found, fit=replace(found.fit, freedoms=loose)), max(every, 1))
-
-
-def _told(found: ParameterFit, every: int) -> Told:
-    fit = found.fit
+    fit = replace(found.fit, freedoms=loose)
     spread = trusted_spread(fit, found.expected, found.spread)
     size = np.maximum(np.abs(fit.values), [abs(each.centre) for each in fit.freedoms])
     size = np.where(size > 0, size, 1.0)
@@ -104,7 +108,7 @@ def _told(found: ParameterFit, every: int) -> Told:
     count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
     usual = max(1.0, fit.squares / count) if fit.usable else 1.0
     raised = np.where(seen, raised, max(usual, float(raised.max(initial=1.0))))
-    return Told(found, every, size, errors, information, raised, spread)
+    return Told(found, every, is_late, size, errors, information, raised, spread)
 
 
 def partners(told: Told, place: int, enough: float) -> list[int]:
@@ -138,6 +142,11 @@ def sample_steps(windows: ShootingWindows) -> np.ndarray:
     return np.concatenate([np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)])
 
 
+def can_be_finer(windows: ShootingWindows, times: int) -> bool:
+    """Return whether so many times as many samples take no more than seconds."""
+    return int(windows.lengths.sum()) * max(times, windows.substeps) <= MOST_FINE
+
+
 def finer(windows: ShootingWindows, times: int) -> ShootingWindows:
     """Return windows with more samples in the same time, under the same course of the inputs.
 
@@ -155,6 +164,7 @@ def finer(windows: ShootingWindows, times: int) -> ShootingWindows:
     held = windows.hold == "zoh"
     u = [np.interp(place, index, column) for column in windows.u.T]
     begun = firsts[windows.record] + (windows.starts - windows.bounds[windows.record]) * times
+    ends = np.minimum(begun + windows.lengths * times, firsts[windows.record + 1])
     return replace(
         windows,
         t=np.interp(place, index, windows.t),
@@ -162,6 +172,6 @@ def finer(windows: ShootingWindows, times: int) -> ShootingWindows:
         y=np.where(np.isfinite(windows.y[before]), 0.0, np.nan),
         bounds=firsts,
         starts=begun,
-        lengths=(windows.lengths - 1) * times + 1,
+        lengths=ends - begun,
         substeps=-(-windows.substeps // times),
     )

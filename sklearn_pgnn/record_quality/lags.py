@@ -2,9 +2,11 @@ r"""Outputs that come late, or early: lags that a model does not contain.
 
 An output that is late by :math:`\tau` shows :math:`\hat y(t - \tau) \approx \hat y - \tau\dot{\hat
 y}`: its lag is one more parameter of the fit, with the column :math:`-\dot{\hat y}`. What is more
-than half a sample is taken off the measured output as whole samples, and the fit is repeated.
+than half a part of a sample is taken off, and the fit is repeated: the model is simulated at the
+times of which the output then is.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -12,7 +14,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from sklearn_pgnn.estimators.parameter_search import ParameterFit
-from sklearn_pgnn.record_quality.information import sample_steps
+from sklearn_pgnn.record_quality.information import can_be_finer, finer, sample_steps
 from sklearn_pgnn.record_quality.limits import ALPHA, STEPS
 from sklearn_pgnn.record_quality.refits import leaves_noise
 from sklearn_pgnn.simulation.normal_equations import normal_equations
@@ -20,12 +22,16 @@ from sklearn_pgnn.simulation.uncertainty import NORMAL_95, correlations, invert,
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
-#: fits with outputs moved by whole samples, and most samples of one move
-ROUNDS, FARTHEST = 8, 10
+#: lags that are tried first [samples]
+TRIED = (-8, -5, -3, -2, -1, 1, 2, 3, 5, 8)
+#: moves of the outputs, and most samples of one
+ROUNDS, FARTHEST = 10, 10
+#: parts of a sample by which outputs are moved, the finest that are not too many
+PARTS = (8, 4, 2, 1)
+#: standard error of a lag where outputs have corners, in these parts
+FINEST = 0.1
 #: correlation from which on a parameter may stand for a lag
 ALIKE = 0.9
-#: standard error of a lag at corners of an output, whose slope is that between samples [samples]
-FINEST = 0.02
 #: share by which steps of a regular clock may differ
 REGULAR = 0.01
 
@@ -46,19 +52,20 @@ class FoundLag:
     confused_with: tuple[str, ...]
 
 
-def find_lags(found: ParameterFit) -> tuple[FoundLag, ...]:
+def find_lags(found: ParameterFit, is_late: Callable[[], bool]) -> tuple[FoundLag, ...]:
     """Find lags of outputs that differ from zero, and with which little but noise is left.
 
-    Without inputs, they are relative to the first output. Clocks that are uneven tell none.
+    Without inputs, they are relative to the first output. Clocks that are uneven tell none, nor
+    does a search that is late.
     """
-    first, windows = found.fit, found.windowed.windows
-    step, outputs = _clock(windows), list(first.model.outputs)
-    which = list(range(0 if first.model.inputs else 1, len(outputs)))
-    if step is None or not which or not first.usable:
+    windows, model = found.windowed.windows, found.fit.model
+    step, outputs = _clock(windows), list(model.outputs)
+    which = list(range(0 if model.inputs else 1, len(outputs)))
+    if step is None or not which or not found.fit.usable:
         return ()
-    refit = _Refit(found, which, step)
+    refit = _Refit(found, which, step, is_late)
     lags = refit.run()
-    if lags is None or not leaves_noise(windows, lags.fit, refit.at(np.zeros(len(which)), first)):
+    if lags is None or not refit.explains(lags):
         return ()
     n_blocks = len(windows) * windows.blocks
     needed = student.isf(ALPHA / 2, max(n_blocks - len(lags.fit.freedoms), 1))
@@ -89,31 +96,51 @@ class _Lags:
 class _Refit:
     """Fits to outputs that are moved in time; initial states are free, which moves with them."""
 
-    def __init__(self, found: ParameterFit, which: list[int], step: float):
-        self.found, self.which, self.step = found, which, step
+    def __init__(
+        self,
+        found: ParameterFit,
+        which: list[int],
+        step: float,
+        is_late: Callable[[], bool],
+    ):
+        self.found, self.which, self.is_late = found, which, is_late
+        self.parts = next((n for n in PARTS if can_be_finer(found.windowed.windows, n)), 1)
+        self.part = step / self.parts
         self.spread = np.full(found.spread.shape, np.inf)
 
     def run(self) -> _Lags | None:
-        """Return the lags, None where whole samples do not bring them near."""
-        shift, fit = np.zeros(len(self.which)), self.found.fit
+        """Return the lags, None where moves do not bring them near."""
+        shift, fit = self._first()
         for _ in range(ROUNDS):
-            left = self._left(shift, fit)
-            if left is None:
+            fit = self.at(shift, fit)
+            if not fit.usable or self.is_late():
                 return None
+            left = self._left(shift, fit)
             clear = np.abs(left.values) > NORMAL_95 * left.errors
-            moves = np.rint(np.where(clear, left.values, 0.0) / self.step)
+            moves = np.rint(np.where(clear, left.values, 0.0) / self.part)
             if not moves.any():
-                values = shift * self.step + left.values
-                there = self._left(values / self.step, left.fit)
-                if there is None:
-                    return None
-                errors = np.hypot(there.errors, FINEST * self.step)
-                return replace(there, values=values, errors=errors)
-            shift, fit = shift + moves.clip(-FARTHEST, FARTHEST), left.fit
+                errors = np.hypot(left.errors, FINEST * self.part)
+                return _Lags(left.fit, shift * self.part + left.values, errors)
+            most = FARTHEST * self.parts
+            shift = shift + moves.clip(-most, most)
         return None
 
+    def _first(self) -> tuple[np.ndarray, WindowFit]:
+        """Return the lag of all outputs, in whole samples, with which a fit is best."""
+        given = {each.name: each.centre for each in self.found.fit.freedoms}
+        begun = replace(self.found.fit, model=self.found.fit.model.with_parameters(**given))
+        best = np.zeros(len(self.which)), self.at(np.zeros(len(self.which)), self.found.fit)
+        for samples in TRIED:
+            shift = np.full(len(self.which), float(samples * self.parts))
+            fit = self.at(shift, begun)
+            if _error(fit) < _error(best[1]):
+                best = shift, fit
+            if self.is_late():
+                break
+        return best
+
     def at(self, shift: np.ndarray, fit: WindowFit) -> WindowFit:
-        """Fit to outputs that are moved to earlier samples."""
+        """Fit to outputs that are moved to earlier times by so many parts of a sample."""
         return fit_windows(
             fit.model,
             self._moved(shift),
@@ -122,13 +149,11 @@ class _Refit:
             self.spread,
             x0_start=fit.x0,
             max_steps=STEPS,
+            each_step=self.is_late,
         )
 
-    def _left(self, shift: np.ndarray, fit: WindowFit) -> _Lags | None:
+    def _left(self, shift: np.ndarray, fit: WindowFit) -> _Lags:
         """Return the lags that are left where outputs are moved."""
-        fit = self.at(shift, fit)
-        if not fit.usable:
-            return None
         more = _with_lags(fit, self._moved(shift), self.which)
         normal = normal_equations(more, self.found.expected, self.spread)
         inverse, _ = invert(normal.hessian.sum(axis=0))
@@ -138,9 +163,23 @@ class _Refit:
         return _Lags(more, values, np.array(errors))
 
     def _moved(self, shift: np.ndarray) -> ShootingWindows:
-        every = np.zeros(self.found.windowed.windows.y.shape[1])
+        """Return windows of so many parts of a sample, with outputs moved to earlier ones."""
+        windows = self.found.windowed.windows
+        fine, every = finer(windows, self.parts), np.zeros(windows.y.shape[1], dtype=int)
         every[self.which] = shift
-        return _moved(self.found.windowed.windows, every)
+        y = np.full(fine.y.shape, np.nan)
+        ends = zip(pairwise(windows.bounds), pairwise(fine.bounds), strict=True)
+        for (a, b), (first, end) in ends:
+            for i, by in enumerate(every):
+                row = first + self.parts * np.arange(b - a) - by
+                inside = (row >= first) & (row < end)
+                y[row[inside], i] = windows.y[a:b, i][inside]
+        return replace(fine, y=y)
+
+    def explains(self, lags: _Lags) -> bool:
+        """Return whether the model with lags leaves little but white noise."""
+        without = self.at(np.zeros(len(self.which)), self.found.fit)
+        return leaves_noise(self._moved(np.zeros(len(self.which))), lags.fit, without)
 
     def confused_with(self, lags: _Lags, place: int) -> tuple[str, ...]:
         """Name the parameters that may stand for a lag."""
@@ -150,26 +189,17 @@ class _Refit:
         return tuple(name for name, r in zip(names, row, strict=False) if r > ALIKE)
 
 
+def _error(fit: WindowFit) -> float:
+    """Return the mean square of the residuals: moved outputs are fewer."""
+    count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
+    return fit.squares / count if fit.usable else np.inf
+
+
 def _clock(windows: ShootingWindows) -> float | None:
     """Return the sample interval of all records [s], None where it is not the same everywhere."""
     steps = sample_steps(windows)
     usual = float(np.median(steps))
     return usual if np.mean(np.abs(steps / usual - 1.0) < REGULAR) > 1.0 - REGULAR else None
-
-
-def _moved(windows: ShootingWindows, shift: np.ndarray) -> ShootingWindows:
-    """Return the windows with outputs moved to earlier samples, straight in between."""
-    y = np.full(windows.y.shape, np.nan)
-    for a, b in pairwise(windows.bounds):
-        for i, by in enumerate(shift):
-            whole = int(np.floor(by))
-            for n, weight in ((whole, 1.0 - (by - whole)), (whole + 1, by - whole)):
-                if weight > 0.0:
-                    row = np.arange(a, b) + n
-                    inside = (row >= a) & (row < b)
-                    part = np.where(inside, windows.y[row.clip(a, b - 1), i], np.nan)
-                    y[a:b, i] = weight * part + (0.0 if n == whole else y[a:b, i])
-    return replace(windows, y=y)
 
 
 def _with_lags(fit: WindowFit, windows: ShootingWindows, which: list[int]) -> WindowFit:
