@@ -143,8 +143,8 @@ def draw(number: int) -> Case:
     true = {key: value * np.exp(0.2 * random.normal()) for key, value in given.items()}
     bounds = {key: (value / WIDE, value * WIDE) for key, value in given.items()}
     off = {key: value * np.exp(0.3 * random.uniform(-1, 1)) for key, value in true.items()}
-    count = int(10 ** random.uniform(2.2, 3.2))
-    kinds = random.choice(["levels", "sine", "slow", "sines"], size=random.integers(1, 5))
+    count = int(10 ** random.uniform(2.2, 2.9))
+    kinds = random.choice(["levels", "sine", "slow", "sines"], size=random.integers(1, 4))
     size = machine.amplitude * 10 ** random.uniform(-1, 0)
     inputs = np.array([machine.offset + size * wave(kind, count, random) for kind in kinds])
     return Case(

@@ -16,20 +16,25 @@ from sklearn_pgnn.cli.tables import heading, print_table, say, screen, warn
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
-from sklearn_pgnn.inspection.numbers import fit_text, number
+from sklearn_pgnn.inspection.numbers import fit_text, half_width, measured, number
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
 from sklearn_pgnn.trajectories.several_files import read_each
 
+#: what a table says of a parameter
+_VERDICTS = {"identifiable": "yes", "weak": "weakly", "not": "no"}
+
 
 class Checked(NamedTuple):
-    """Result of a check: a first look, unused columns, converted units, missing efforts."""
+    """Result of a check: a first look, what the records can tell, columns, missing efforts."""
 
     look: FirstLook
+    told: Identifiability
     unused: list[str]
     converted: dict[str, tuple[str, str]]
     missing: pd.DataFrame | None = None
@@ -53,11 +58,11 @@ def check_model(
         X, y = read_each(opened, data, read, sample_time)
         unused = dict.fromkeys(name for table in tables for name in table.unused())
         converted = {name: units for table in tables for name, units in table.converted().items()}
-        look = first_look(read, X, y)
+        look, known = first_look(read, X, y), identifiability(read, X, y)
         missing = missing_efforts(read, X, y) if has_several_joints(read) else None
     said = dict.fromkeys(str(warning.message) for warning in told)
     look = replace(look, warnings=(*said, *look.warnings))
-    return Checked(look, list(unused), converted, missing)
+    return Checked(look, known, list(unused), converted, missing)
 
 
 def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
@@ -67,6 +72,7 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
         more: dict = {"unused_columns": checked.unused, "converted": checked.converted}
         if checked.missing is not None:
             more["missing_efforts"] = checked.missing.to_dict("index")
+        more["identifiability"] = checked.told.to_dict()
         click.echo(as_strict_json({**look.to_dict(), **more}), nl=False)
         return
     console = screen()
@@ -83,6 +89,8 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     say(console, "A fit of 100 % is perfect, 0 % no better than the mean of the records.", "dim")
     if checked.missing is not None:
         _print_missing(console, checked.missing)
+    if not quiet:
+        _print_told(console, checked.told)
 
 
 def _summary(look: FirstLook) -> str:
@@ -122,6 +130,28 @@ def _print_contents(console: Console, checked: Checked) -> None:
     say(console, f"Assumed of the channels: {in_words(look.model)}.")
     if checked.unused:
         say(console, f"Not used: {', '.join(checked.unused)}.")
+
+
+def _print_told(console: Console, told: Identifiability) -> None:
+    """Print which parameters the records can tell, and what would help."""
+    if not (told.parameters or told.remarks):
+        return
+    heading(console, "What these records can tell")
+    rows = (
+        (
+            each.name,
+            measured(*(getattr(each.estimate, of) for of in ("value", "low", "high", "unit"))),
+            half_width(each.half_width),
+            _VERDICTS[each.verdict],
+        )
+        for each in told.parameters
+    )
+    print_table(console, ("", "fitted (95 % interval)", "", "identifiable"), rows)
+    for each in told.parameters:
+        if each.reason:
+            say(console, f"{each.name}: {each.reason}. Helps: {each.remedy}.")
+    for remark in told.remarks:
+        say(console, remark)
 
 
 def _print_missing(console: Console, missing: pd.DataFrame) -> None:

@@ -143,6 +143,17 @@ def percent(part: float) -> str:
     return f"{100 * part:.{1 if part > 0.985 else 0}f} %"
 
 
+def half_width(relative: float) -> str:
+    """Return the half-width of an interval, a share of the value, in percent.
+
+    Examples
+    --------
+    >>> half_width(0.0312), half_width(math.inf)
+    ('± 3.1 %', 'open')
+    """
+    return f"± {number(100 * relative, 2)} %" if math.isfinite(relative) else "open"
+
+
 def chance(probability: float | None) -> str:
     """Return a probability in percent; one that is nearly 0 or 1 is not rounded to it.
 

@@ -21,6 +21,8 @@ TOLD, WEAK = 0.2, 1.0
 TIMES = (2, 4, 8, 16)
 #: fall of an interval with as many samples in less time from which on the sampling is too slow
 FALL = 0.5
+#: what a model leaves, in units of the noise, from which on its intervals are not to be trusted
+WRONG = 1.5
 #: how many times longer records are worth suggesting
 LONGER = 10.0
 
@@ -77,6 +79,19 @@ class Identifiability:
     times_noise: float
     best_record: str = ""
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What else these records tell, in sentences."""
+        said = [_late(each) for each in self.lags]
+        if self.times_noise > WRONG:
+            said.append(
+                f"The fitted model leaves {self.times_noise:.3g} times the noise: something is "
+                f"wrong or missing, and the intervals hold only as far as the model does."
+            )
+        if self.best_record:
+            said.append(f"Most would be gained with {self.best_record}.")
+        return tuple(said)
+
     def to_dict(self) -> dict:
         """Return all as plain data."""
         return asdict(self)
@@ -128,6 +143,18 @@ def identifiability(model: PhysicsModel, X: ArrayLike, y: ArrayLike) -> Identifi
     left = float(np.sqrt(fit.squares / count)) if fit.usable else np.inf
     rows = tuple(judged.parameter(i) for i in range(len(told.names)))
     return Identifiability(rows, find_lags(told.found, told.is_late), left, judged.best_record())
+
+
+def _late(found: FoundLag) -> str:
+    """Return a sentence on a lag."""
+    by = f"{abs(found.samples):.2f} samples ({abs(found.lag):.3g} s)"
+    alike = f" (a wrong {listed(found.confused_with)} would look alike)"
+    half = " or interpolate the inputs (hold: foh)" if -0.6 < found.samples < -0.4 else ""
+    return (
+        f"{found.output} comes {by} {'later' if found.lag > 0 else 'earlier'} than the model says"
+        f"{alike if found.confused_with else ''}, and with that little but noise is left. Remedy: "
+        f"record on one clock, shift the column{half}, or add the delay to the model."
+    )
 
 
 class _Judged:

@@ -22,6 +22,8 @@ from sklearn_pgnn.trajectories.record import Record
 TOLERANCE = 1e-5
 #: share of its curvature that keeps a direction without information in order
 ORDERED = 1e-8
+#: most parameters that are named as collinear with one
+SEVERAL = 4
 
 
 @dataclass(frozen=True)
@@ -112,29 +114,37 @@ def _told(found: ParameterFit, every: int, is_late: Callable[[], bool]) -> Told:
 
 
 def partners(told: Told, place: int, enough: float) -> list[int]:
-    """Return the fewest other parameters that, if known, leave one with a small interval.
+    r"""Return the other parameters that have to be known for a small interval of one.
 
-    They are taken one by one, the most helpful first, and those that turn out idle are left out;
-    empty if even all of them are not enough.
+    They are taken one by one: the one that lowers its variance most, by
+    :math:`C_{ij}^2 / C_{jj}`. Those that turn out idle are left out, and `SEVERAL` are the most.
+    Empty if even all others are not enough.
     """
-    others = [i for i in range(len(told.size)) if i != place]
     if not told.half_widths(told.information, [place])[0] < enough:
         return []
-    ordered = told.information + np.diag(ORDERED * np.diag(told.information))
-
-    def width(known: list[int], information: np.ndarray) -> float:
-        kept = [place, *(i for i in others if i not in known)]
-        return float(told.half_widths(information, kept)[0])
-
+    size = np.sqrt(np.diag(told.information))
+    seen = np.where(size > 0, size, 1.0)
+    related = told.information / np.outer(seen, seen)
+    covariance = np.linalg.inv(related + ORDERED * np.eye(size.size) + np.diag(size == 0))
     known: list[int] = []
-    while not width(known, told.information) < enough:
-        left = [i for i in others if i not in known]
-        known.append(min(left, key=lambda i: width([*known, i], ordered)))
-    for each in list(known):
+    while len(known) < SEVERAL and not _width(told, place, known) < enough:
+        gain = covariance[place] ** 2 / np.maximum(np.diag(covariance), np.finfo(float).tiny)
+        gain[[place, *known]] = -1.0
+        best = int(np.argmax(gain))
+        column = covariance[best]
+        covariance = covariance - np.outer(column, column) / column[best]
+        known.append(best)
+    for each in known[:-1]:
         fewer = [i for i in known if i != each]
-        if width(fewer, told.information) < enough:
+        if _width(told, place, fewer) < enough:
             known = fewer
     return sorted(known)
+
+
+def _width(told: Told, place: int, known: list[int]) -> float:
+    """Return the half-width of one parameter where some others are known."""
+    kept = [place, *(i for i in range(told.size.size) if i != place and i not in known)]
+    return float(told.half_widths(told.information, kept)[0])
 
 
 def sample_steps(windows: ShootingWindows) -> np.ndarray:
