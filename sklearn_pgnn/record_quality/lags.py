@@ -18,12 +18,15 @@ from sklearn_pgnn.record_quality.information import can_be_finer, finer, sample_
 from sklearn_pgnn.record_quality.limits import ALPHA, STEPS
 from sklearn_pgnn.record_quality.refits import leaves_noise
 from sklearn_pgnn.simulation.normal_equations import normal_equations
+from sklearn_pgnn.simulation.record_windows import cut, median_window_length
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, correlations, invert, standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
+#: how many times longer windows are, with as many blocks
+LONGER = 3
 #: lags that are tried first [samples]
-TRIED = (-8, -5, -3, -2, -1, 1, 2, 3, 5, 8)
+TRIED = (-13, -8, -5, -3, -2, -1, 1, 2, 3, 5, 8, 13)
 #: moves of the outputs, and most samples of one
 ROUNDS, FARTHEST = 10, 10
 #: parts of a sample by which outputs are moved, the finest that are not too many
@@ -63,11 +66,11 @@ def find_lags(found: ParameterFit, is_late: Callable[[], bool]) -> tuple[FoundLa
     which = list(range(0 if model.inputs else 1, len(outputs)))
     if step is None or not which or not found.fit.usable:
         return ()
-    refit = _Refit(found, which, step, is_late)
+    refit = _Refit(_in_long_windows(found), which, step, is_late)
     lags = refit.run()
     if lags is None or not refit.explains(lags):
         return ()
-    n_blocks = len(windows) * windows.blocks
+    n_blocks = lags.fit.evaluation.block_squares.size
     needed = student.isf(ALPHA / 2, max(n_blocks - len(lags.fit.freedoms), 1))
     reach = NORMAL_95 * lags.errors
     return tuple(
@@ -82,6 +85,17 @@ def find_lags(found: ParameterFit, is_late: Callable[[], bool]) -> tuple[FoundLa
         for k, output in enumerate(which)
         if abs(lags.values[k]) > needed * lags.errors[k]
     )
+
+
+def _in_long_windows(found: ParameterFit) -> ParameterFit:
+    """Return a fit in windows some times as long: free starts take what a lag changes there."""
+    windows, states = found.windowed.windows, found.windowed.states
+    longer = cut(windows, LONGER * median_window_length(windows))
+    every = max(1, round(int(longer.lengths.sum()) / int(windows.lengths.sum())))
+    longer = replace(longer.select(np.arange(0, len(longer), every)), blocks=LONGER)
+    expected, spread = states.expected_starts(found.fit.model, longer)
+    fit = replace(found.fit, x0=expected)
+    return ParameterFit(fit, expected, spread, replace(found.windowed, windows=longer))
 
 
 @dataclass(frozen=True)
