@@ -16,7 +16,7 @@ from sklearn_pgnn.cli.tables import heading, print_table, say, screen, warn
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
-from sklearn_pgnn.inspection.numbers import fit_text, half_width, measured, number
+from sklearn_pgnn.inspection.numbers import fit_text, number, told_rows
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -25,9 +25,6 @@ from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
 from sklearn_pgnn.trajectories.several_files import read_each
-
-#: what a table says of a parameter
-_VERDICTS = {"identifiable": "yes", "weak": "weakly", "not": "no"}
 
 
 class Checked(NamedTuple):
@@ -137,21 +134,9 @@ def _print_told(console: Console, told: Identifiability) -> None:
     if not (told.parameters or told.remarks):
         return
     heading(console, "What these records can tell")
-    rows = (
-        (
-            each.name,
-            measured(*(getattr(each.estimate, of) for of in ("value", "low", "high", "unit"))),
-            half_width(each.half_width),
-            _VERDICTS[each.verdict],
-        )
-        for each in told.parameters
-    )
-    print_table(console, ("", "fitted (95 % interval)", "", "identifiable"), rows)
-    for each in told.parameters:
-        if each.reason:
-            say(console, f"{each.name}: {each.reason}. Helps: {each.remedy}.")
-    for remark in told.remarks:
-        say(console, remark)
+    print_table(console, ("", "fitted (95 % interval)", "", "identifiable"), told_rows(told))
+    for sentence in (*told.lacking, *told.remarks):
+        say(console, sentence)
 
 
 def _print_missing(console: Console, missing: pd.DataFrame) -> None:

@@ -4,6 +4,7 @@ import math
 import re
 
 from sklearn_pgnn.experiment_design.detectability import Detectable
+from sklearn_pgnn.record_quality.identifiability import Identifiability
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -152,6 +153,23 @@ def half_width(relative: float) -> str:
     ('± 3.1 %', 'open')
     """
     return f"± {number(100 * relative, 2)} %" if math.isfinite(relative) else "open"
+
+
+#: what a table says of a parameter
+_VERDICTS = {"identifiable": "yes", "weak": "weakly", "not": "no"}
+
+
+def told_rows(told: Identifiability) -> list[tuple[str, str, str, str]]:
+    """Return name, interval, its half-width in percent, and verdict of every parameter."""
+    return [
+        (
+            p.name,
+            measured(p.estimate.value, p.estimate.low, p.estimate.high, p.estimate.unit),
+            half_width(p.half_width),
+            _VERDICTS[p.verdict],
+        )
+        for p in told.parameters
+    ]
 
 
 def chance(probability: float | None) -> str:

@@ -80,6 +80,12 @@ class Identifiability:
     best_record: str = ""
 
     @property
+    def lacking(self) -> tuple[str, ...]:
+        """What is not identifiable, each with the reason and what would help, in sentences."""
+        lacking = (each for each in self.parameters if each.reason)
+        return tuple(f"{p.name}: {p.reason}. Helps: {p.remedy}." for p in lacking)
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """What else these records tell, in sentences."""
         said = [_late(each) for each in self.lags]

@@ -61,7 +61,7 @@ def test_units_do_not_matter():
     other = LAG.replace(outputs={"y": "1000*y"}, parameters={"K": 2.0, "T": 0.5})
     scaled = identifiability(other, X, 1000 * y)
     for one, two in zip(plain.parameters, scaled.parameters, strict=True):
-        assert two.half_width == pytest.approx(one.half_width, rel=1e-3)
+        assert two.half_width == pytest.approx(one.half_width, rel=0.01)
     assert scaled.lags[0].samples == pytest.approx(plain.lags[0].samples, abs=1e-3)
 
 
@@ -94,7 +94,8 @@ def test_a_parameter_whose_input_rests_is_not_told():
 def test_richer_inputs_are_proposed_where_they_help():
     t = 0.05 * np.arange(600)
     u = 1 + 0.5 * np.sin(0.1 * t)
-    y = LAG.simulate(t, u).y + 0.5 * np.random.default_rng(0).normal(size=(600, 1))
+    settled = LAG.replace(initial_state={"y": 2.0})
+    y = settled.simulate(t, u).y + 0.1 * np.random.default_rng(0).normal(size=(600, 1))
     found = identifiability(LAG, np.c_[t, u], y)
     T = found.parameters[1]
     assert T.verdict != "identifiable"
