@@ -16,11 +16,11 @@ from sklearn_pgnn.cli.tables import heading, print_table, say, screen, warn
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
-from sklearn_pgnn.inspection.numbers import fit_text, number, told_rows
+from sklearn_pgnn.inspection.numbers import fit_text, measured, number
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability
+from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability, percent
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
@@ -134,7 +134,11 @@ def _print_told(console: Console, told: Identifiability) -> None:
     if not (told.parameters or told.remarks):
         return
     heading(console, "What these records can tell")
-    print_table(console, ("", "fitted (95 % interval)", "", "identifiable"), told_rows(told))
+    rows = (
+        (p.name, measured(e.value, e.low, e.high, e.unit), percent(p.half_width), p.verdict)
+        for p, e in ((p, p.estimate) for p in told.parameters)
+    )
+    print_table(console, ("", "fitted (95 % interval)", "", "identifiable"), rows)
     for sentence in (*told.lacking, *told.remarks):
         say(console, sentence)
 

@@ -4,7 +4,6 @@ import math
 import re
 
 from sklearn_pgnn.experiment_design.detectability import Detectable
-from sklearn_pgnn.record_quality.identifiability import Identifiability
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -142,34 +141,6 @@ def percent(part: float) -> str:
     if part > 0.9995:
         return "> 99.9 %"
     return f"{100 * part:.{1 if part > 0.985 else 0}f} %"
-
-
-def half_width(relative: float) -> str:
-    """Return the half-width of an interval, a share of the value, in percent.
-
-    Examples
-    --------
-    >>> half_width(0.0312), half_width(math.inf)
-    ('± 3.1 %', 'open')
-    """
-    return f"± {number(100 * relative, 2)} %" if math.isfinite(relative) else "open"
-
-
-#: what a table says of a parameter
-_VERDICTS = {"identifiable": "yes", "weak": "weakly", "not": "no"}
-
-
-def told_rows(told: Identifiability) -> list[tuple[str, str, str, str]]:
-    """Return name, interval, its half-width in percent, and verdict of every parameter."""
-    return [
-        (
-            p.name,
-            measured(p.estimate.value, p.estimate.low, p.estimate.high, p.estimate.unit),
-            half_width(p.half_width),
-            _VERDICTS[p.verdict],
-        )
-        for p in told.parameters
-    ]
 
 
 def chance(probability: float | None) -> str:

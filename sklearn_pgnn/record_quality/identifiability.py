@@ -1,6 +1,5 @@
 """Before a diagnosis: which parameters of a model records can tell, and what would help."""
 
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 
@@ -9,7 +8,7 @@ import numpy as np
 from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import listed
-from sklearn_pgnn.record_quality.information import Told, can_be_finer, partners, sample_steps, tell
+from sklearn_pgnn.record_quality.information import Told, can_be_finer, finer, sample_steps, tell
 from sklearn_pgnn.record_quality.lags import FoundLag, find_lags
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate, estimate_of
 from sklearn_pgnn.trajectories import read_records
@@ -23,6 +22,9 @@ TIMES = (2, 4, 8, 16)
 FALL = 0.5
 #: what a model leaves, in units of the noise, from which on its intervals are not to be trusted
 WRONG = 1.5
+#: half-width of an interval from which on it is open
+MOST = 100.0
+RICH = "inputs of the same range with many frequencies"
 #: how many times longer records are worth suggesting
 LONGER = 10.0
 
@@ -143,12 +145,9 @@ def identifiability(model: PhysicsModel, X: ArrayLike, y: ArrayLike) -> Identifi
     ('identifiable', 0.1)
     """
     told = tell(model, read_records(model, X, y))
-    fit = told.found.fit
-    judged = _Judged(told)
-    count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
-    left = float(np.sqrt(fit.squares / count)) if fit.usable else np.inf
-    rows = tuple(judged.parameter(i) for i in range(len(told.names)))
-    return Identifiability(rows, find_lags(told.found, told.is_late), left, judged.best_record())
+    judged, lags = _Judged(told), find_lags(told.found, told.is_late)
+    rows = tuple(judged.parameter(i) for i in range(len(judged.names)))
+    return Identifiability(rows, lags, told.times_noise, judged.best_record())
 
 
 def _late(found: FoundLag) -> str:
@@ -167,94 +166,76 @@ class _Judged:
     """Verdicts on the parameters, and the reasons."""
 
     def __init__(self, told: Told):
-        self.told = told
-        self.half = NORMAL_95 * told.errors
-        self.model = told.found.fit.model
-
-    @cached_property
-    def rich(self) -> np.ndarray:
-        """Half-widths under richer inputs."""
-        return self.told.half_widths(self.told.with_rich_inputs())
+        self.told, self.half, windows = told, NORMAL_95 * told.errors, told.found.windowed.windows
+        self.names = [each.name for each in told.found.fit.freedoms]
+        self.rate = 1.0 / float(np.median(sample_steps(windows)))
 
     @cached_property
     def fine(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
         """Half-widths with more samples in the same time, and with as many in less."""
-        windows, found = self.told.found.windowed.windows, {}
-        for times in (n for n in TIMES if can_be_finer(windows, n)):
-            more = self.told.sampled(times)
+        found, of = {}, self.told.found
+        for times in (n for n in TIMES if can_be_finer(of.windowed.windows, n)):
+            more = self.told.under(finer(of.windowed.windows, times), of.fit.x0)
             found[times] = self.told.half_widths(more), self.told.half_widths(more / times)
         return found
 
     def parameter(self, place: int) -> ToldParameter:
         """Return the verdict on a parameter."""
-        half, told, name = float(self.half[place]), self.told, self.told.names[place]
+        half, told, name = float(self.half[place]), self.told, self.names[place]
         error = float(told.errors[place] * told.size[place])
-        estimate = estimate_of(self.model, name, {name: error})
+        estimate = estimate_of(told.found.fit.model, name, {name: error})
         if half < TOLD:
             return ToldParameter(name, estimate, half, "identifiable")
         verdict = "weak" if half <= WEAK else "not"
         if not told.found.fit.usable:
-            reason, remedy = "the model diverges", "values with which it does not"
-            return ToldParameter(name, estimate, half, verdict, reason, (), remedy)
-        others = tuple(told.names[i] for i in partners(told, place, TOLD))
-        times = self._times(place)
-        reason = self._reason(place, others, times)
-        return ToldParameter(
-            name, estimate, half, verdict, reason, others, self._remedy(place, others, times)
-        )
+            why = "the model diverges", (), "values with which it does not"
+            return ToldParameter(name, estimate, half, verdict, *why)
+        others = tuple(self.names[i] for i in told.partners(place, TOLD))
+        return ToldParameter(name, estimate, half, verdict, *self._why(place, half, others))
 
-    def _times(self, place: int) -> int | None:
-        """Return how many times faster sampling has to be, None where that is not what lacks."""
-        half = float(self.half[place])
-        told = [times for times, (all_, _) in self.fine.items() if all_[place] < TOLD]
-        slow = [times for times, (_, same) in self.fine.items() if same[place] < FALL * half]
-        return min(told) if told and slow else None
-
-    def _reason(self, place: int, others: tuple[str, ...], times: int | None) -> str:
+    def _why(
+        self, place: int, half: float, others: tuple[str, ...]
+    ) -> tuple[str, tuple[str, ...], str]:
+        """Return the reason, what is collinear, and what would help."""
         alone = float(self.told.half_widths(self.told.information, [place])[0])
-        if times is not None:
-            return "the sampling is too slow for it"
+        reason = f"hardly excited: {percent(alone)} even if all others were known"
+        remedy = "larger inputs, another output, or a measurement of its own"
         if others:
-            return f"collinear with {listed(others)}: with known values {_share(alone)}"
-        if not np.isfinite(alone):
-            return "never excited: no output depends on it in these records"
-        return f"hardly excited: {_share(alone)} even if all others were known"
+            reason = f"collinear with {listed(others)}: with known values {percent(alone)}"
+            remedy = f"a known value of {listed(others)}, or another output"
+        elif not np.isfinite(alone):
+            reason = "never excited: no output depends on it in these records"
+        enough = [times for times, (more, _) in self.fine.items() if more[place] < TOLD]
+        if enough and any(same[place] < FALL * half for _, same in self.fine.values()):
+            return "the sampling is too slow for it", others, self._sampling(min(enough))
+        if self.told.rich[place] < TOLD:
+            return reason, others, f"{RICH} ({percent(self.told.rich[place])})"
+        if half <= TOLD * np.sqrt(LONGER):
+            return reason, others, f"records {(half / TOLD) ** 2:.2g} times as long"
+        return reason, others, remedy
 
-    def _remedy(self, place: int, others: tuple[str, ...], times: int | None) -> str:
-        half = float(self.half[place])
-        longer = (half / TOLD) ** 2
-        if times is not None:
-            return f"sampling at {times * self._rate:.3g} Hz"
-        if self.rich[place] < TOLD:
-            return f"inputs of the same range with many frequencies ({_share(self.rich[place])})"
-        if longer <= LONGER:
-            return f"records {longer:.2g} times as long"
-        if others:
-            return f"a known value of {listed(others)}, or another output"
-        return "larger inputs, another output, or a measurement of its own"
-
-    @property
-    def _rate(self) -> float:
-        """Sampling rate [Hz]."""
-        return 1.0 / float(np.median(sample_steps(self.told.found.windowed.windows)))
+    def _sampling(self, times: int) -> str:
+        return f"sampling at {times * self.rate:.3g} Hz"
 
     def best_record(self) -> str:
         """Return the record that would tell most of what these do not."""
         lacking = np.flatnonzero(~(self.half < TOLD))
         if not (lacking.size and self.told.found.fit.usable):
             return ""
-        tried = {"inputs of the same range with many frequencies": self.rich}
-        for times, (half, _) in self.fine.items():
-            tried[f"sampling at {times * self._rate:.3g} Hz"] = half
-        gained = {what: self._told_by(half, lacking) for what, half in tried.items()}
+        tried = {RICH: self.told.rich}
+        tried |= {self._sampling(times): half for times, (half, _) in self.fine.items()}
+        gained = {what: lacking[half[lacking] < TOLD] for what, half in tried.items()}
         best = max(gained, key=lambda what: len(gained[what]))
-        if not gained[best]:
-            return ""
-        return f"{best}: {listed(gained[best])} would be identifiable"
-
-    def _told_by(self, half: np.ndarray, lacking: Iterable[int]) -> list[str]:
-        return [self.told.names[i] for i in lacking if half[i] < TOLD]
+        names = listed(self.names[i] for i in gained[best])
+        return f"{best}: {names} would be identifiable" if names else ""
 
 
-def _share(half: float) -> str:
-    return f"± {100 * half:.2g} %" if np.isfinite(half) else "nothing"
+def percent(half: float) -> str:
+    """Return the half-width of an interval, a share of the value, in percent.
+
+    Examples
+    --------
+    >>> percent(0.0312), percent(np.inf)
+    ('± 3.1 %', 'open')
+    """
+    return f"± {100 * half:.2g} %" if half < MOST else "open"

@@ -23,16 +23,13 @@ from sklearn_pgnn.simulation.uncertainty import NORMAL_95, correlations, invert,
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
-#: how many times longer windows are, with as many blocks
+#: how many times longer windows are, with as many blocks: free starts take what lags change there
 LONGER = 3
-#: lags that are tried first [samples]
-TRIED = (-13, -8, -5, -3, -2, -1, 1, 2, 3, 5, 8, 13)
-#: moves of the outputs, and most samples of one
-ROUNDS, FARTHEST = 10, 10
-#: parts of a sample by which outputs are moved, the finest that are not too many
-PARTS = (8, 4, 2, 1)
-#: standard error of a lag where outputs have corners, in these parts
-FINEST = 0.1
+#: lags that are tried first [samples], moves from there, and most samples of one
+TRIED, ROUNDS, FARTHEST = (-13, -8, -5, -3, -2, -1, 1, 2, 3, 5, 8, 13), 10, 10
+#: parts of a sample by which outputs are moved, the finest that are not too many, and the standard
+#: error of a lag in these where outputs have corners
+PARTS, FINEST = (8, 4, 2, 1), 0.1
 #: correlation from which on a parameter may stand for a lag
 ALIKE = 0.9
 #: share by which steps of a regular clock may differ
@@ -61,159 +58,106 @@ def find_lags(found: ParameterFit, is_late: Callable[[], bool]) -> tuple[FoundLa
     Without inputs, they are relative to the first output. Clocks that are uneven tell none, nor
     does a search that is late.
     """
-    windows, model = found.windowed.windows, found.fit.model
-    step, outputs = _clock(windows), list(model.outputs)
-    which = list(range(0 if model.inputs else 1, len(outputs)))
-    if step is None or not which or not found.fit.usable:
+    steps, outputs = sample_steps(found.windowed.windows), list(found.fit.model.outputs)
+    which = list(range(0 if found.fit.model.inputs else 1, len(outputs)))
+    is_regular = np.mean(np.abs(steps / np.median(steps) - 1.0) < REGULAR) > 1.0 - REGULAR
+    if not (which and is_regular and found.fit.usable):
         return ()
-    refit = _Refit(_in_long_windows(found), which, step, is_late)
-    lags = refit.run()
-    if lags is None or not refit.explains(lags):
+    search = _Search(found, which, is_late)
+    fit, lags, errors = search.run()
+    without = search.at(np.zeros(len(which)), search.fit)
+    if fit is None or not leaves_noise(search.moved(np.zeros(len(which))), fit, without):
         return ()
-    n_blocks = lags.fit.evaluation.block_squares.size
-    needed = student.isf(ALPHA / 2, max(n_blocks - len(lags.fit.freedoms), 1))
-    reach = NORMAL_95 * lags.errors
+    freedom = max(fit.evaluation.block_squares.size - len(fit.freedoms), 1)
+    related = np.abs(correlations(fit, search.expected, search.spread))
+    names, reach = [each.name for each in search.fit.freedoms], NORMAL_95 * errors
     return tuple(
         FoundLag(
             outputs[output],
-            float(lags.values[k]),
-            float(lags.values[k] - reach[k]),
-            float(lags.values[k] + reach[k]),
-            float(lags.values[k] / step),
-            refit.confused_with(lags, k),
+            float(lag),
+            float(lag - reach[k]),
+            float(lag + reach[k]),
+            float(lag / np.median(steps)),
+            tuple(n for n, r in zip(names, related[len(names) + k], strict=False) if r > ALIKE),
         )
-        for k, output in enumerate(which)
-        if abs(lags.values[k]) > needed * lags.errors[k]
+        for k, (output, lag) in enumerate(zip(which, lags, strict=True))
+        if abs(lag) > student.isf(ALPHA / 2, freedom) * errors[k]
     )
 
 
-def _in_long_windows(found: ParameterFit) -> ParameterFit:
-    """Return a fit in windows some times as long: free starts take what a lag changes there."""
-    windows, states = found.windowed.windows, found.windowed.states
-    longer = cut(windows, LONGER * median_window_length(windows))
-    every = max(1, round(int(longer.lengths.sum()) / int(windows.lengths.sum())))
-    longer = replace(longer.select(np.arange(0, len(longer), every)), blocks=LONGER)
-    expected, spread = states.expected_starts(found.fit.model, longer)
-    fit = replace(found.fit, x0=expected)
-    return ParameterFit(fit, expected, spread, replace(found.windowed, windows=longer))
+class _Search:
+    """Fits to outputs that are moved in time, in long windows with free initial states."""
 
+    def __init__(self, found: ParameterFit, which: list[int], is_late: Callable[[], bool]):
+        windows, self.which, self.is_late = found.windowed.windows, which, is_late
+        longer = cut(windows, LONGER * median_window_length(windows))
+        every = max(1, round(longer.lengths.sum() / windows.lengths.sum()))
+        longer = longer.select(np.arange(0, len(longer), every))
+        self.windows, model = replace(longer, blocks=LONGER), found.fit.model
+        self.expected, spread = found.windowed.states.expected_starts(model, longer)
+        self.fit, self.spread = replace(found.fit, x0=self.expected), np.full(spread.shape, np.inf)
+        self.parts = next((n for n in PARTS if can_be_finer(windows, n)), 1)
+        self.part = float(np.median(sample_steps(windows))) / self.parts
 
-@dataclass(frozen=True)
-class _Lags:
-    """A fit with lags as parameters, their values [s], and their standard errors."""
-
-    fit: WindowFit
-    values: np.ndarray
-    errors: np.ndarray
-
-
-class _Refit:
-    """Fits to outputs that are moved in time; initial states are free, which moves with them."""
-
-    def __init__(
-        self,
-        found: ParameterFit,
-        which: list[int],
-        step: float,
-        is_late: Callable[[], bool],
-    ):
-        self.found, self.which, self.is_late = found, which, is_late
-        self.parts = next((n for n in PARTS if can_be_finer(found.windowed.windows, n)), 1)
-        self.part = step / self.parts
-        self.spread = np.full(found.spread.shape, np.inf)
-
-    def run(self) -> _Lags | None:
-        """Return the lags, None where moves do not bring them near."""
+    def run(self) -> tuple[WindowFit | None, np.ndarray, np.ndarray]:
+        """Return a fit with lags, their values and standard errors [s]; None where none is near."""
         shift, fit = self._first()
         for _ in range(ROUNDS):
             fit = self.at(shift, fit)
             if not fit.usable or self.is_late():
-                return None
-            left = self._left(shift, fit)
-            clear = np.abs(left.values) > NORMAL_95 * left.errors
-            moves = np.rint(np.where(clear, left.values, 0.0) / self.part)
+                break
+            more = _with_lags(fit, self.moved(shift), self.which)
+            normal = normal_equations(more, self.expected, self.spread)
+            inverse, _ = invert(normal.hessian.sum(axis=0))
+            n_p = len(fit.freedoms)
+            left = (inverse @ normal.gradient.sum(axis=0))[n_p:]
+            found = standard_errors(more, self.expected, self.spread)
+            errors = np.array(list(found.values()))[n_p:]
+            clear = np.abs(left) > NORMAL_95 * errors
+            moves = np.rint(np.where(clear, left, 0.0) / self.part)
             if not moves.any():
-                errors = np.hypot(left.errors, FINEST * self.part)
-                return _Lags(left.fit, shift * self.part + left.values, errors)
-            most = FARTHEST * self.parts
-            shift = shift + moves.clip(-most, most)
-        return None
+                return more, shift * self.part + left, np.hypot(errors, FINEST * self.part)
+            shift = shift + moves.clip(-FARTHEST * self.parts, FARTHEST * self.parts)
+        return None, shift, shift
 
     def _first(self) -> tuple[np.ndarray, WindowFit]:
         """Return the lag of all outputs, in whole samples, with which a fit is best."""
-        given = {each.name: each.centre for each in self.found.fit.freedoms}
-        begun = replace(self.found.fit, model=self.found.fit.model.with_parameters(**given))
-        best = np.zeros(len(self.which)), self.at(np.zeros(len(self.which)), self.found.fit)
+        given = {each.name: each.centre for each in self.fit.freedoms}
+        begun = replace(self.fit, model=self.fit.model.with_parameters(**given))
+        none = np.zeros(len(self.which))
+        tried = [(none, self.at(none, self.fit))]
         for samples in TRIED:
-            shift = np.full(len(self.which), float(samples * self.parts))
-            fit = self.at(shift, begun)
-            if _error(fit) < _error(best[1]):
-                best = shift, fit
-            if self.is_late():
-                break
-        return best
+            if not self.is_late():
+                shift = none + samples * self.parts
+                tried.append((shift, self.at(shift, begun)))
+        return min(tried, key=lambda each: _error(each[1]))
 
     def at(self, shift: np.ndarray, fit: WindowFit) -> WindowFit:
         """Fit to outputs that are moved to earlier times by so many parts of a sample."""
         return fit_windows(
-            fit.model,
-            self._moved(shift),
-            self.found.fit.freedoms,
-            self.found.expected,
-            self.spread,
-            x0_start=fit.x0,
-            max_steps=STEPS,
-            each_step=self.is_late,
-        )
+            fit.model, self.moved(shift), self.fit.freedoms, self.expected, self.spread,
+            x0_start=fit.x0, max_steps=STEPS, each_step=self.is_late,
+        )  # fmt: skip
 
-    def _left(self, shift: np.ndarray, fit: WindowFit) -> _Lags:
-        """Return the lags that are left where outputs are moved."""
-        more = _with_lags(fit, self._moved(shift), self.which)
-        normal = normal_equations(more, self.found.expected, self.spread)
-        inverse, _ = invert(normal.hessian.sum(axis=0))
-        n_p = len(fit.freedoms)
-        values = (inverse @ normal.gradient.sum(axis=0))[n_p:]
-        errors = list(standard_errors(more, self.found.expected, self.spread).values())[n_p:]
-        return _Lags(more, values, np.array(errors))
-
-    def _moved(self, shift: np.ndarray) -> ShootingWindows:
+    def moved(self, shift: np.ndarray) -> ShootingWindows:
         """Return windows of so many parts of a sample, with outputs moved to earlier ones."""
-        windows = self.found.windowed.windows
-        fine, every = finer(windows, self.parts), np.zeros(windows.y.shape[1], dtype=int)
-        every[self.which] = shift
-        y = np.full(fine.y.shape, np.nan)
-        ends = zip(pairwise(windows.bounds), pairwise(fine.bounds), strict=True)
-        for (a, b), (first, end) in ends:
-            for i, by in enumerate(every):
-                row = first + self.parts * np.arange(b - a) - by
+        windows, fine = self.windows, finer(self.windows, self.parts)
+        by, y = np.zeros(windows.y.shape[1], dtype=int), np.full(fine.y.shape, np.nan)
+        by[self.which] = shift
+        for (a, b), (first, end) in zip(
+            pairwise(windows.bounds), pairwise(fine.bounds), strict=True
+        ):
+            for i in range(by.size):
+                row = first + self.parts * np.arange(b - a) - by[i]
                 inside = (row >= first) & (row < end)
                 y[row[inside], i] = windows.y[a:b, i][inside]
         return replace(fine, y=y)
-
-    def explains(self, lags: _Lags) -> bool:
-        """Return whether the model with lags leaves little but white noise."""
-        without = self.at(np.zeros(len(self.which)), self.found.fit)
-        return leaves_noise(self._moved(np.zeros(len(self.which))), lags.fit, without)
-
-    def confused_with(self, lags: _Lags, place: int) -> tuple[str, ...]:
-        """Name the parameters that may stand for a lag."""
-        related = np.abs(correlations(lags.fit, self.found.expected, self.spread))
-        names = [each.name for each in self.found.fit.freedoms]
-        row = related[len(names) + place]
-        return tuple(name for name, r in zip(names, row, strict=False) if r > ALIKE)
 
 
 def _error(fit: WindowFit) -> float:
     """Return the mean square of the residuals: moved outputs are fewer."""
     count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
     return fit.squares / count if fit.usable else np.inf
-
-
-def _clock(windows: ShootingWindows) -> float | None:
-    """Return the sample interval of all records [s], None where it is not the same everywhere."""
-    steps = sample_steps(windows)
-    usual = float(np.median(steps))
-    return usual if np.mean(np.abs(steps / usual - 1.0) < REGULAR) > 1.0 - REGULAR else None
 
 
 def _with_lags(fit: WindowFit, windows: ShootingWindows, which: list[int]) -> WindowFit:
@@ -227,16 +171,16 @@ def _with_lags(fit: WindowFit, windows: ShootingWindows, which: list[int]) -> Wi
     residual, gram = fit.evaluation.residual, fit.evaluation.block_gram
     with_residual = windows.sum_blocks(column * residual / windows.scale**2)
     n_p, m = len(names), len(which)
-    old = [*range(n_p), *range(n_p + m, gram.shape[-1] + m)]
+    old = np.array([*range(n_p), *range(n_p + m, gram.shape[-1] + m)])
     wide = np.zeros((*gram.shape[:2], gram.shape[-1] + m, gram.shape[-1] + m))
-    wide[:, :, np.array(old)[:, None], old] = gram
-    for k, output in enumerate(which):
+    wide[:, :, old[:, None], old] = gram
+    for k, output in enumerate(which, n_p):
         y = np.where(np.isfinite(windows.y), simulated, np.nan)
         y[:, output] += column[:, output]
         products = evaluate(fit.model, replace(windows, y=y), fit.x0, names).block_gram[..., -1]
-        wide[:, :, old[:-1], n_p + k] = wide[:, :, n_p + k, old[:-1]] = products[..., :-1]
-        wide[:, :, n_p + k, n_p + k] = products[..., -1]
-        wide[:, :, -1, n_p + k] = wide[:, :, n_p + k, -1] = with_residual[..., output]
+        wide[:, :, old[:-1], k] = wide[:, :, k, old[:-1]] = products[..., :-1]
+        wide[:, :, k, k] = products[..., -1]
+        wide[:, :, -1, k] = wide[:, :, k, -1] = with_residual[..., output]
     more = tuple(ParameterPrior(f"lag {i}", -np.inf, np.inf, 0.0, np.inf, 1.0) for i in which)
     evaluation = Evaluation(wide, residual, fit.evaluation.x0)
     return replace(fit, freedoms=(*fit.freedoms, *more), evaluation=evaluation)

@@ -42,3 +42,5 @@ MOST_SAMPLES, HURRY = 20_000, 5.0
 MOST_FINE = 200_000
 #: width, in values of a parameter, within which that fit holds what the records do not tell
 LOOSE = 3.0
+#: most parameters that are named as collinear with one
+SEVERAL = 4
