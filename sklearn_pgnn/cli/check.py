@@ -139,8 +139,8 @@ def _print_told(console: Console, told: Identifiability) -> None:
         for p, e in ((p, p.estimate) for p in told.parameters)
     )
     print_table(console, ("", "fitted (95 % interval)", "", "identifiable"), rows)
-    for sentence in (*told.lacking, *told.remarks):
-        say(console, sentence)
+    for remark in told.remarks:
+        say(console, remark)
 
 
 def _print_missing(console: Console, missing: pd.DataFrame) -> None:

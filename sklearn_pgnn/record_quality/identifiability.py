@@ -82,15 +82,10 @@ class Identifiability:
     best_record: str = ""
 
     @property
-    def lacking(self) -> tuple[str, ...]:
-        """What is not identifiable, each with the reason and what would help, in sentences."""
-        lacking = (each for each in self.parameters if each.reason)
-        return tuple(f"{p.name}: {p.reason}. Helps: {p.remedy}." for p in lacking)
-
-    @property
     def remarks(self) -> tuple[str, ...]:
-        """What else these records tell, in sentences."""
-        said = [_late(each) for each in self.lags]
+        """What is not identifiable, why, and what helps; what comes late; what to beware of."""
+        said = [f"{p.name}: {p.reason}. Helps: {p.remedy}." for p in self.parameters if p.reason]
+        said += [_late(each) for each in self.lags]
         if self.times_noise > WRONG:
             said.append(
                 f"The fitted model leaves {self.times_noise:.3g} times the noise: something is "
@@ -231,11 +226,5 @@ class _Judged:
 
 
 def percent(half: float) -> str:
-    """Return the half-width of an interval, a share of the value, in percent.
-
-    Examples
-    --------
-    >>> percent(0.0312), percent(np.inf)
-    ('± 3.1 %', 'open')
-    """
+    """Return the half-width of an interval, a share of the value, in percent."""
     return f"± {100 * half:.2g} %" if half < MOST else "open"

@@ -65,8 +65,9 @@ def find_lags(found: ParameterFit, is_late: Callable[[], bool]) -> tuple[FoundLa
         return ()
     search = _Search(found, which, is_late)
     fit, lags, errors = search.run()
-    without = search.at(np.zeros(len(which)), search.fit)
-    if fit is None or not leaves_noise(search.moved(np.zeros(len(which))), fit, without):
+    none = np.zeros(len(which))
+    without, windows = search.at(none, search.fit), search.moved(none, search.parts)
+    if fit is None or not leaves_noise(windows, fit, without):
         return ()
     freedom = max(fit.evaluation.block_squares.size - len(fit.freedoms), 1)
     related = np.abs(correlations(fit, search.expected, search.spread))
@@ -106,7 +107,7 @@ class _Search:
             fit = self.at(shift, fit)
             if not fit.usable or self.is_late():
                 break
-            more = _with_lags(fit, self.moved(shift), self.which)
+            more = _with_lags(fit, self.moved(shift, self.parts), self.which)
             normal = normal_equations(more, self.expected, self.spread)
             inverse, _ = invert(normal.hessian.sum(axis=0))
             n_p = len(fit.freedoms)
@@ -125,30 +126,30 @@ class _Search:
         given = {each.name: each.centre for each in self.fit.freedoms}
         begun = replace(self.fit, model=self.fit.model.with_parameters(**given))
         none = np.zeros(len(self.which))
-        tried = [(none, self.at(none, self.fit))]
+        tried = [(none, self.at(none, self.fit, parts=1))]
         for samples in TRIED:
             if not self.is_late():
-                shift = none + samples * self.parts
-                tried.append((shift, self.at(shift, begun)))
+                fit = self.at(none + samples, begun, parts=1)
+                tried.append((none + samples * self.parts, fit))
         return min(tried, key=lambda each: _error(each[1]))
 
-    def at(self, shift: np.ndarray, fit: WindowFit) -> WindowFit:
+    def at(self, shift: np.ndarray, fit: WindowFit, parts: int | None = None) -> WindowFit:
         """Fit to outputs that are moved to earlier times by so many parts of a sample."""
         return fit_windows(
-            fit.model, self.moved(shift), self.fit.freedoms, self.expected, self.spread,
-            x0_start=fit.x0, max_steps=STEPS, each_step=self.is_late,
+            fit.model, self.moved(shift, parts or self.parts), self.fit.freedoms, self.expected,
+            self.spread, x0_start=fit.x0, max_steps=STEPS, each_step=self.is_late,
         )  # fmt: skip
 
-    def moved(self, shift: np.ndarray) -> ShootingWindows:
+    def moved(self, shift: np.ndarray, parts: int) -> ShootingWindows:
         """Return windows of so many parts of a sample, with outputs moved to earlier ones."""
-        windows, fine = self.windows, finer(self.windows, self.parts)
+        windows, fine = self.windows, finer(self.windows, parts)
         by, y = np.zeros(windows.y.shape[1], dtype=int), np.full(fine.y.shape, np.nan)
         by[self.which] = shift
         for (a, b), (first, end) in zip(
             pairwise(windows.bounds), pairwise(fine.bounds), strict=True
         ):
             for i in range(by.size):
-                row = first + self.parts * np.arange(b - a) - by[i]
+                row = first + parts * np.arange(b - a) - by[i]
                 inside = (row >= first) & (row < end)
                 y[row[inside], i] = windows.y[a:b, i][inside]
         return replace(fine, y=y)

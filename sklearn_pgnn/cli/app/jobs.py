@@ -68,7 +68,7 @@ def draw_look(model: PhysicsModel, X: Table, y: Table) -> str:
             (p.name, measured(e.value, e.low, e.high, e.unit), percent(p.half_width), p.verdict)
             for p, e in ((p, p.estimate) for p in told.parameters)
         ],
-        remarks=[*told.lacking, *told.remarks],
+        remarks=told.remarks,
         records=[
             {
                 "name": r.name,
