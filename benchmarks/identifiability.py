@@ -160,7 +160,7 @@ def draw(number: int) -> Case:
 
 
 def obtained(case: Case, seed: int, *, quick: bool) -> dict:
-    """Return the estimates from new records, by a fit or as a check gives them, which is quicker."""
+    """Return the estimates from new records, by a fit or by a check, which is quicker."""
     X, y = case.records(seed)
     if quick:
         return {each.name: each.estimate for each in identifiability(case.model, X, y).parameters}

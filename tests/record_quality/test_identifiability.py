@@ -6,6 +6,7 @@ import pytest
 from sledge import NOISE, SLEDGE, STEP, drive
 
 from sklearn_pgnn import PhysicsModel, PhysicsModelRegressor
+from sklearn_pgnn.exceptions import FitWarning
 from sklearn_pgnn.inspection import identifiability
 from sklearn_pgnn.record_quality.information import finer, tell
 from sklearn_pgnn.simulation.record_windows import window_records
@@ -177,3 +178,20 @@ def test_finer_windows_end_where_the_windows_do():
     known = tell(SLEDGE, read_records(SLEDGE, X, y))
     same = known.under(finer(known.found.windowed.windows, 1), known.found.fit.x0)
     assert same == pytest.approx(known.information, rel=1e-9)
+
+
+def test_a_state_that_nobody_measures_has_a_scale_of_its_own_in_a_check_and_in_a_fit():
+    chain = PhysicsModel(
+        {"x": "V", "z": "V"}, {"x": "(K*u - x)/T", "z": "(L*x - z)/S"},
+        {"K": 2.0, "L": 3.0, "T": 0.3, "S": 1.0}, {"u": "V"}, outputs={"y": "z"},
+    )  # fmt: skip
+    X, y = levels(chain, 0.05, 17, noise=0.01)
+    found = told(chain, X, y)
+    assert {name: each.verdict == "identifiable" for name, each in found.items()} == {
+        "K": False, "L": False, "T": True, "S": True
+    }  # fmt: skip
+    assert found["K"].collinear_with == ("L",)
+    with pytest.warns(FitWarning, match="do not determine K, L"):
+        fitted = PhysicsModelRegressor(chain, search="local").fit(X, y).parameters_
+    assert fitted["K"].high == np.inf
+    assert fitted["T"].high - fitted["T"].low < 0.1
