@@ -16,9 +16,9 @@ from sklearn_pgnn.trajectories import read_records
 #: half-width of a 95 % interval, as a share of the value, below which a parameter is identifiable,
 #: and up to which it is weakly so
 TOLD, WEAK = 0.2, 1.0
-#: how many times as many samples in the same time are tried
+#: how many times the sampling rate is tried
 TIMES = (2, 4, 8, 16)
-#: fall of an interval with as many samples in less time from which on the sampling is too slow
+#: fall of an interval from which on the sampling is too slow
 FALL = 0.5
 #: what a model leaves, in units of the noise, from which on its intervals are not to be trusted
 WRONG = 1.5
@@ -86,7 +86,7 @@ class Identifiability:
         """What is not identifiable, why, and what helps; what comes late; what to beware of."""
         said = [f"{p.name}: {p.reason}. Helps: {p.remedy}." for p in self.parameters if p.reason]
         said += [_late(each) for each in self.lags]
-        if self.times_noise > WRONG:
+        if WRONG < self.times_noise < np.inf:
             said.append(
                 f"The fitted model leaves {self.times_noise:.3g} times the noise: something is "
                 f"wrong or missing, and the intervals hold only as far as the model does."
@@ -166,13 +166,11 @@ class _Judged:
         self.rate = 1.0 / float(np.median(sample_steps(windows)))
 
     @cached_property
-    def fine(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-        """Half-widths with more samples in the same time, and with as many in less."""
-        found, of = {}, self.told.found
-        for times in (n for n in TIMES if can_be_finer(of.windowed.windows, n)):
-            more = self.told.under(finer(of.windowed.windows, times), of.fit.x0)
-            found[times] = self.told.half_widths(more), self.told.half_widths(more / times)
-        return found
+    def fine(self) -> dict[int, np.ndarray]:
+        """Half-widths at so many times the rate, with as many samples in less time."""
+        windows, x0 = self.told.found.windowed.windows, self.told.found.fit.x0
+        times = (n for n in TIMES if can_be_finer(windows, n))
+        return {n: self.told.half_widths(self.told.under(finer(windows, n), x0) / n) for n in times}
 
     def parameter(self, place: int) -> ToldParameter:
         """Return the verdict on a parameter."""
@@ -200,26 +198,38 @@ class _Judged:
             remedy = f"a known value of {listed(others)}, or another output"
         elif not np.isfinite(alone):
             reason = "never excited: no output depends on it in these records"
-        enough = [times for times, (more, _) in self.fine.items() if more[place] < TOLD]
-        if enough and any(same[place] < FALL * half for _, same in self.fine.values()):
-            return "the sampling is too slow for it", others, self._sampling(min(enough))
+        if times := self._times(place):
+            return "the sampling is too slow for it", others, self._sampling(times)
         if self.told.rich[place] < TOLD:
             return reason, others, f"{RICH} ({percent(self.told.rich[place])})"
         if half <= TOLD * np.sqrt(LONGER):
             return reason, others, f"records {(half / TOLD) ** 2:.2g} times as long"
         return reason, others, remedy
 
+    def _times(self, place: int) -> int | None:
+        """Return how many times faster sampling has to be, None where that is not what lacks.
+
+        As many samples have to tell more in less time; more of them repeat what a wrong model does.
+        """
+        fine, more = self.fine, 0.5 if self.told.times_noise <= WRONG else 0.0
+        is_slow = any(half[place] < FALL * self.half[place] for half in fine.values())
+        enough = (n for n, half in fine.items() if half[place] < TOLD * n**more)
+        return next(enough, None) if is_slow else None
+
     def _sampling(self, times: int) -> str:
         return f"sampling at {times * self.rate:.3g} Hz"
 
     def best_record(self) -> str:
         """Return the record that would tell most of what these do not."""
-        lacking = np.flatnonzero(~(self.half < TOLD))
-        if not (lacking.size and self.told.found.fit.usable):
+        lacking = [place for place, half in enumerate(self.half) if not half < TOLD]
+        if not (lacking and self.told.found.fit.usable):
             return ""
-        tried = {RICH: self.told.rich}
-        tried |= {self._sampling(times): half for times, (half, _) in self.fine.items()}
-        gained = {what: lacking[half[lacking] < TOLD] for what, half in tried.items()}
+        times = {place: self._times(place) for place in lacking}
+        faster = {place: n for place, n in times.items() if n}
+        gained = {
+            RICH: [place for place in lacking if self.told.rich[place] < TOLD],
+            self._sampling(max(faster.values(), default=1)): list(faster),
+        }
         best = max(gained, key=lambda what: len(gained[what]))
         names = listed(self.names[i] for i in gained[best])
         return f"{best}: {names} would be identifiable" if names else ""

@@ -15,6 +15,7 @@ from sklearn_pgnn.record_quality.limits import HURRY, LOOSE, MOST_FINE, MOST_SAM
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS, window_records, without_gaps
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, invert, standard_errors, trusted_spread
+from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.record import Record
 
@@ -40,9 +41,7 @@ class Told:
     @property
     def times_noise(self) -> float:
         """What the fit leaves, in units of the noise; infinite where it diverges."""
-        fit = self.found.fit
-        count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
-        return float(np.sqrt(fit.squares / count)) if fit.usable else np.inf
+        return times_noise(self.found.fit)
 
     @cached_property
     def information(self) -> np.ndarray:
@@ -129,6 +128,12 @@ def tell(model: PhysicsModel, records: tuple[Record, ...]) -> Told:
     size = np.where(size > 0, size, 1.0)
     errors = np.array(list(standard_errors(alone, found.expected, spread).values()))
     return Told(found, every, size, spread, errors / size / np.sqrt(every), is_late)
+
+
+def times_noise(fit: WindowFit) -> float:
+    """Return what a fit leaves, in units of the noise; infinite where it diverges."""
+    count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
+    return float(np.sqrt(fit.squares / count)) if fit.usable else np.inf
 
 
 def sample_steps(windows: ShootingWindows) -> np.ndarray:

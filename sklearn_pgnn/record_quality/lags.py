@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from sklearn_pgnn.estimators.parameter_search import ParameterFit
-from sklearn_pgnn.record_quality.information import can_be_finer, finer, sample_steps
+from sklearn_pgnn.record_quality.information import can_be_finer, finer, sample_steps, times_noise
 from sklearn_pgnn.record_quality.limits import ALPHA, STEPS
 from sklearn_pgnn.record_quality.refits import leaves_noise
 from sklearn_pgnn.simulation.normal_equations import normal_equations
@@ -131,7 +131,7 @@ class _Search:
             if not self.is_late():
                 fit = self.at(none + samples, begun, parts=1)
                 tried.append((none + samples * self.parts, fit))
-        return min(tried, key=lambda each: _error(each[1]))
+        return min(tried, key=lambda each: times_noise(each[1]))
 
     def at(self, shift: np.ndarray, fit: WindowFit, parts: int | None = None) -> WindowFit:
         """Fit to outputs that are moved to earlier times by so many parts of a sample."""
@@ -153,12 +153,6 @@ class _Search:
                 inside = (row >= first) & (row < end)
                 y[row[inside], i] = windows.y[a:b, i][inside]
         return replace(fine, y=y)
-
-
-def _error(fit: WindowFit) -> float:
-    """Return the mean square of the residuals: moved outputs are fewer."""
-    count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
-    return fit.squares / count if fit.usable else np.inf
 
 
 def _with_lags(fit: WindowFit, windows: ShootingWindows, which: list[int]) -> WindowFit:
