@@ -1,6 +1,6 @@
 """Before a diagnosis: which parameters of a model records can tell, and what would help."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -140,7 +140,7 @@ def identifiability(model: PhysicsModel, X: ArrayLike, y: ArrayLike) -> Identifi
     ('identifiable', 0.1)
     """
     told = tell(model, read_records(model, X, y))
-    judged, lags = _Judged(told), find_lags(told.found, told.is_late)
+    judged, lags = _Judged(told), find_lags(replace(told.found, windowed=told.begun))
     rows = tuple(judged.parameter(i) for i in range(len(judged.names)))
     return Identifiability(rows, lags, told.times_noise, judged.best_record())
 

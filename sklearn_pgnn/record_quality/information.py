@@ -13,7 +13,12 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.excitation import information_of, rich_windows
 from sklearn_pgnn.record_quality.limits import HURRY, LOOSE, MOST_FINE, MOST_SAMPLES, SEVERAL
 from sklearn_pgnn.simulation.freedom import freedom_of
-from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS, window_records, without_gaps
+from sklearn_pgnn.simulation.record_windows import (
+    MIN_WINDOWS,
+    WindowedRecords,
+    window_records,
+    without_gaps,
+)
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, invert, standard_errors, trusted_spread
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -28,15 +33,15 @@ class Told:
     """What records tell of the parameters of a fit, which has one of `every` windows.
 
     All is relative to the `size` of each parameter. Standard `errors` are infinite where nothing is
-    told; `is_late` is whether the time for all is over.
+    told; `begun` are the windows in the steps that the given values need.
     """
 
     found: ParameterFit
+    begun: WindowedRecords
     every: int
     size: np.ndarray
     spread: np.ndarray
     errors: np.ndarray
-    is_late: Callable[[], bool]
 
     @property
     def times_noise(self) -> float:
@@ -112,22 +117,24 @@ def tell(model: PhysicsModel, records: tuple[Record, ...]) -> Told:
     determine near the given values. It does not count as information.
     """
     windowed = window_records(model, without_gaps(records))
-    windows, end = windowed.windows, process_time() + HURRY
+    windows = windowed.windows
     every = max(1, int(min(windows.lengths.sum() // MOST_SAMPLES, len(windows) // MIN_WINDOWS)))
     some = replace(windowed, windows=windows.select(np.arange(0, len(windows), every)))
-
-    def is_late() -> bool:
-        return process_time() > end
-
     free = [freedom_of(model, name, within_spread=False) for name in model.free_parameters]
     held = tuple(replace(f, spread=LOOSE * abs(f.centre) if f.centre else np.inf) for f in free)
-    found = fit_locally(model, some, held, TOLERANCE, is_late)
+    found = fit_locally(model, some, held, TOLERANCE, hurry())
     alone = replace(found.fit, freedoms=tuple(free))
     spread = trusted_spread(alone, found.expected, found.spread)
     size = np.maximum(np.abs(alone.values), [abs(each.centre) for each in free])
     size = np.where(size > 0, size, 1.0)
     errors = np.array(list(standard_errors(alone, found.expected, spread).values()))
-    return Told(found, every, size, spread, errors / size / np.sqrt(every), is_late)
+    return Told(found, some, every, size, spread, errors / size / np.sqrt(every))
+
+
+def hurry() -> Callable[[], bool]:
+    """Return what says, from now on, whether the time for a fit is over."""
+    end = process_time() + HURRY
+    return lambda: process_time() > end
 
 
 def times_noise(fit: WindowFit) -> float:

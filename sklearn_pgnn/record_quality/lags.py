@@ -6,7 +6,6 @@ than half a part of a sample is taken off, and the fit is repeated: the model is
 times of which the output then is.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,7 +13,13 @@ import numpy as np
 from scipy.stats import t as student
 
 from sklearn_pgnn.estimators.parameter_search import ParameterFit
-from sklearn_pgnn.record_quality.information import can_be_finer, finer, sample_steps, times_noise
+from sklearn_pgnn.record_quality.information import (
+    can_be_finer,
+    finer,
+    hurry,
+    sample_steps,
+    times_noise,
+)
 from sklearn_pgnn.record_quality.limits import ALPHA, STEPS
 from sklearn_pgnn.record_quality.refits import leaves_noise
 from sklearn_pgnn.simulation.normal_equations import normal_equations
@@ -52,26 +57,27 @@ class FoundLag:
     confused_with: tuple[str, ...]
 
 
-def find_lags(found: ParameterFit, is_late: Callable[[], bool]) -> tuple[FoundLag, ...]:
+def find_lags(found: ParameterFit) -> tuple[FoundLag, ...]:
     """Find lags of outputs that differ from zero, and with which little but noise is left.
 
     Without inputs, they are relative to the first output. Clocks that are uneven tell none, nor
-    does a search that is late.
+    does a search that takes too long.
     """
     steps, outputs = sample_steps(found.windowed.windows), list(found.fit.model.outputs)
     which = list(range(0 if found.fit.model.inputs else 1, len(outputs)))
     is_regular = np.mean(np.abs(steps / np.median(steps) - 1.0) < REGULAR) > 1.0 - REGULAR
     if not (which and is_regular and found.fit.usable):
         return ()
-    search = _Search(found, which, is_late)
+    search, none = _Search(found, which), np.zeros(len(which))
     fit, lags, errors = search.run()
-    none = np.zeros(len(which))
-    without, windows = search.at(none, search.fit), search.moved(none, search.parts)
-    if fit is None or not leaves_noise(windows, fit, without):
+    if fit is None:
+        return ()
+    without = min((search.at(none, begun) for begun in search.begun), key=times_noise)
+    if not (without.usable and leaves_noise(search.moved(none, search.parts), fit, without)):
         return ()
     freedom = max(fit.evaluation.block_squares.size - len(fit.freedoms), 1)
     related = np.abs(correlations(fit, search.expected, search.spread))
-    names, reach = [each.name for each in search.fit.freedoms], NORMAL_95 * errors
+    names, reach = search.names, NORMAL_95 * errors
     return tuple(
         FoundLag(
             outputs[output],
@@ -89,14 +95,21 @@ def find_lags(found: ParameterFit, is_late: Callable[[], bool]) -> tuple[FoundLa
 class _Search:
     """Fits to outputs that are moved in time, in long windows with free initial states."""
 
-    def __init__(self, found: ParameterFit, which: list[int], is_late: Callable[[], bool]):
-        windows, self.which, self.is_late = found.windowed.windows, which, is_late
+    def __init__(self, found: ParameterFit, which: list[int]):
+        windows, self.which, self.is_late = found.windowed.windows, which, hurry()
         longer = cut(windows, LONGER * median_window_length(windows))
         every = max(1, round(longer.lengths.sum() / windows.lengths.sum()))
         longer = longer.select(np.arange(0, len(longer), every))
         self.windows, model = replace(longer, blocks=LONGER), found.fit.model
         self.expected, spread = found.windowed.states.expected_starts(model, longer)
         self.fit, self.spread = replace(found.fit, x0=self.expected), np.full(spread.shape, np.inf)
+        given = {each.name: each.centre for each in self.fit.freedoms}
+        self.names = list(given)
+        self.bounds = [
+            [getattr(each, end) for each in self.fit.freedoms] for end in ("low", "high")
+        ]
+        #: as fitted without lags, and as given
+        self.begun = self.fit, replace(self.fit, model=model.with_parameters(**given))
         self.parts = next((n for n in PARTS if can_be_finer(windows, n)), 1)
         self.part = float(np.median(sample_steps(windows))) / self.parts
 
@@ -111,7 +124,8 @@ class _Search:
             normal = normal_equations(more, self.expected, self.spread)
             inverse, _ = invert(normal.hessian.sum(axis=0))
             n_p = len(fit.freedoms)
-            left = (inverse @ normal.gradient.sum(axis=0))[n_p:]
+            change = inverse @ normal.gradient.sum(axis=0)
+            left = change[n_p:]
             found = standard_errors(more, self.expected, self.spread)
             errors = np.array(list(found.values()))[n_p:]
             clear = np.abs(left) > NORMAL_95 * errors
@@ -119,17 +133,19 @@ class _Search:
             if not moves.any():
                 return more, shift * self.part + left, np.hypot(errors, FINEST * self.part)
             shift = shift + moves.clip(-FARTHEST * self.parts, FARTHEST * self.parts)
+            values = np.clip(fit.values + change[:n_p], *self.bounds)
+            fit = replace(
+                fit, model=fit.model.with_parameters(**dict(zip(self.names, values, strict=True)))
+            )
         return None, shift, shift
 
     def _first(self) -> tuple[np.ndarray, WindowFit]:
         """Return the lag of all outputs, in whole samples, with which a fit is best."""
-        given = {each.name: each.centre for each in self.fit.freedoms}
-        begun = replace(self.fit, model=self.fit.model.with_parameters(**given))
         none = np.zeros(len(self.which))
-        tried = [(none, self.at(none, self.fit, parts=1))]
+        tried = [(none, self.at(none, begun, parts=1)) for begun in self.begun]
         for samples in TRIED:
             if not self.is_late():
-                fit = self.at(none + samples, begun, parts=1)
+                fit = self.at(none + samples, self.begun[1], parts=1)
                 tried.append((none + samples * self.parts, fit))
         return min(tried, key=lambda each: times_noise(each[1]))
 
