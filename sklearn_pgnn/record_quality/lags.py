@@ -105,9 +105,8 @@ class _Search:
         self.fit, self.spread = replace(found.fit, x0=self.expected), np.full(spread.shape, np.inf)
         given = {each.name: each.centre for each in self.fit.freedoms}
         self.names = list(given)
-        self.bounds = [
-            [getattr(each, end) for each in self.fit.freedoms] for end in ("low", "high")
-        ]
+        self.low = np.array([each.low for each in self.fit.freedoms])
+        self.high = np.array([each.high for each in self.fit.freedoms])
         #: as fitted without lags, and as given
         self.begun = self.fit, replace(self.fit, model=model.with_parameters(**given))
         self.parts = next((n for n in PARTS if can_be_finer(windows, n)), 1)
@@ -133,7 +132,7 @@ class _Search:
             if not moves.any():
                 return more, shift * self.part + left, np.hypot(errors, FINEST * self.part)
             shift = shift + moves.clip(-FARTHEST * self.parts, FARTHEST * self.parts)
-            values = np.clip(fit.values + change[:n_p], *self.bounds)
+            values = np.clip(fit.values + change[:n_p], self.low, self.high)
             fit = replace(
                 fit, model=fit.model.with_parameters(**dict(zip(self.names, values, strict=True)))
             )
