@@ -147,7 +147,8 @@ def identifiability(model: PhysicsModel, X: ArrayLike, y: ArrayLike) -> Identifi
 
 def _late(found: FoundLag) -> str:
     """Return a sentence on a lag."""
-    by = f"{abs(found.samples):.2f} samples ({abs(found.lag):.3g} s)"
+    reach = (found.high - found.low) / 2 * found.samples / found.lag
+    by = f"{abs(found.samples):.2f} ± {reach:.2f} samples ({abs(found.lag):.3g} s)"
     alike = f" (a wrong {listed(found.confused_with)} would look alike)"
     half = " or interpolate the inputs (hold: foh)" if -0.6 < found.samples < -0.4 else ""
     return (
