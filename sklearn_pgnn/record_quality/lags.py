@@ -130,6 +130,11 @@ class _Search:
             clear = np.abs(left) > NORMAL_95 * errors
             moves = np.rint(np.where(clear, left, 0.0) / self.part)
             if not moves.any():
+                near = [(shift + by, self.at(shift + by, fit)) for by in self._near()]
+                best = min(near, key=lambda each: times_noise(each[1]), default=None)
+                if best is not None and times_noise(best[1]) < times_noise(fit):
+                    shift, fit = best
+                    continue
                 return more, shift * self.part + left, np.hypot(errors, FINEST * self.part)
             shift = shift + moves.clip(-FARTHEST * self.parts, FARTHEST * self.parts)
             values = np.clip(fit.values + change[:n_p], self.low, self.high)
@@ -137,6 +142,11 @@ class _Search:
                 fit, model=fit.model.with_parameters(**dict(zip(self.names, values, strict=True)))
             )
         return None, shift, shift
+
+    def _near(self) -> np.ndarray:
+        """Return moves of each output by some parts: a linear step may end at a corner."""
+        by = np.eye(len(self.which)) * max(1, self.parts // 4)
+        return np.concatenate([by, -by])
 
     def _first(self) -> tuple[np.ndarray, WindowFit]:
         """Return the lag of all outputs, in whole samples, with which a fit is best."""
@@ -170,6 +180,14 @@ class _Search:
         return replace(fine, y=y)
 
 
+def _slopes(t: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the lesser slope to either side: at a corner a lag may change nothing to one."""
+    slopes = np.diff(values, axis=0) / np.diff(t)[:, None]
+    after, before = (np.pad(slopes, (at, (0, 0)), mode="edge") for at in ((0, 1), (1, 0)))
+    lesser = np.where(np.abs(after) < np.abs(before), after, before)
+    return np.where(after * before > 0.0, lesser, 0.0)
+
+
 def _with_lags(fit: WindowFit, windows: ShootingWindows, which: list[int]) -> WindowFit:
     """Return a fit with the lags of outputs as further parameters, all of them zero."""
     names = tuple(each.name for each in fit.freedoms)
@@ -177,7 +195,7 @@ def _with_lags(fit: WindowFit, windows: ShootingWindows, which: list[int]) -> Wi
     simulated = -evaluate(fit.model, empty, fit.x0, ()).residual
     column = np.full_like(simulated, np.nan)
     for a, n in zip(windows.starts, windows.lengths, strict=True):
-        column[a : a + n] = -np.gradient(simulated[a : a + n], windows.t[a : a + n], axis=0)
+        column[a : a + n] = -_slopes(windows.t[a : a + n], simulated[a : a + n])
     residual, gram = fit.evaluation.residual, fit.evaluation.block_gram
     with_residual = windows.sum_blocks(column * residual / windows.scale**2)
     n_p, m = len(names), len(which)
