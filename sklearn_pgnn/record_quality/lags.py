@@ -8,6 +8,7 @@ times of which the output then is.
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import t as student
@@ -31,7 +32,7 @@ from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluat
 #: how many times longer windows are, with as many blocks: free starts take what lags change there
 LONGER = 3
 #: lags that are tried first [samples], moves from there, and most samples of one
-TRIED, ROUNDS, FARTHEST = (-13, -8, -5, -3, -2, -1, 1, 2, 3, 5, 8, 13), 10, 10
+TRIED, ROUNDS, FARTHEST = (-13, -8, -5, -3, -2, -1, 1, 2, 3, 5, 8, 13), 20, 10
 #: parts of a sample by which outputs are moved, the finest that are not too many, and the standard
 #: error of a lag in these where outputs have corners
 PARTS, FINEST = (8, 4, 2, 1), 0.1
@@ -92,6 +93,22 @@ def find_lags(found: ParameterFit) -> tuple[FoundLag, ...]:
     )
 
 
+class _Left(NamedTuple):
+    """A fit to moved outputs, with lags as parameters, what is left of these, and what follows."""
+
+    shift: np.ndarray
+    fit: WindowFit
+    more: WindowFit
+    left: np.ndarray
+    errors: np.ndarray
+    following: WindowFit
+
+    @property
+    def is_clear(self) -> np.ndarray:
+        """Whether a lag is left beyond chance."""
+        return np.abs(self.left) > NORMAL_95 * self.errors
+
+
 class _Search:
     """Fits to outputs that are moved in time, in long windows with free initial states."""
 
@@ -114,34 +131,38 @@ class _Search:
 
     def run(self) -> tuple[WindowFit | None, np.ndarray, np.ndarray]:
         """Return a fit with lags, their values and standard errors [s]; None where none is near."""
-        shift, fit = self._first()
+        (shift, fit), known, least = self._first(), None, np.inf
         for _ in range(ROUNDS):
             fit = self.at(shift, fit)
-            if not fit.usable or self.is_late():
+            if self.is_late():
                 break
-            more = _with_lags(fit, self.moved(shift, self.parts), self.which)
-            normal = normal_equations(more, self.expected, self.spread)
-            inverse, _ = invert(normal.hessian.sum(axis=0))
-            n_p = len(fit.freedoms)
-            change = inverse @ normal.gradient.sum(axis=0)
-            left = change[n_p:]
-            found = standard_errors(more, self.expected, self.spread)
-            errors = np.array(list(found.values()))[n_p:]
-            clear = np.abs(left) > NORMAL_95 * errors
-            moves = np.rint(np.where(clear, left, 0.0) / self.part)
-            if not moves.any():
-                near = [(shift + by, self.at(shift + by, fit)) for by in self._near()]
-                best = min(near, key=lambda each: times_noise(each[1]), default=None)
-                if best is not None and times_noise(best[1]) < times_noise(fit):
-                    shift, fit = best
+            if times_noise(fit) < least:
+                least, known = times_noise(fit), self._left(shift, fit)
+                moves = np.rint(np.where(known.is_clear, known.left, 0.0) / self.part)
+                if moves.any():
+                    shift = shift + moves.clip(-FARTHEST * self.parts, FARTHEST * self.parts)
+                    fit = known.following
                     continue
-                return more, shift * self.part + left, np.hypot(errors, FINEST * self.part)
-            shift = shift + moves.clip(-FARTHEST * self.parts, FARTHEST * self.parts)
-            values = np.clip(fit.values + change[:n_p], self.low, self.high)
-            fit = replace(
-                fit, model=fit.model.with_parameters(**dict(zip(self.names, values, strict=True)))
-            )
+            if known is None:
+                break
+            near = [(known.shift + by, self.at(known.shift + by, known.fit)) for by in self._near()]
+            shift, fit = min(near, key=lambda each: times_noise(each[1]))
+            if not times_noise(fit) < least:
+                values = known.shift * self.part + known.left.clip(-self.part, self.part)
+                return known.more, values, np.hypot(known.errors, FINEST * self.part)
         return None, shift, shift
+
+    def _left(self, shift: np.ndarray, fit: WindowFit) -> "_Left":
+        """Return the lags that are left where outputs are moved."""
+        more, n_p = _with_lags(fit, self.moved(shift, self.parts), self.which), len(fit.freedoms)
+        normal = normal_equations(more, self.expected, self.spread)
+        inverse, _ = invert(normal.hessian.sum(axis=0))
+        change = inverse @ normal.gradient.sum(axis=0)
+        found = standard_errors(more, self.expected, self.spread)
+        values = np.clip(fit.values + change[:n_p], self.low, self.high)
+        model = fit.model.with_parameters(**dict(zip(self.names, values, strict=True)))
+        errors = np.array(list(found.values()))[n_p:]
+        return _Left(shift, fit, more, change[n_p:], errors, replace(fit, model=model))
 
     def _near(self) -> np.ndarray:
         """Return moves of each output by some parts: a linear step may end at a corner."""
