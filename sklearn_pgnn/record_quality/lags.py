@@ -22,7 +22,7 @@ from sklearn_pgnn.record_quality.information import (
     times_noise,
 )
 from sklearn_pgnn.record_quality.limits import ALPHA, STEPS
-from sklearn_pgnn.record_quality.refits import leaves_noise
+from sklearn_pgnn.record_quality.refits import is_better, leaves_noise
 from sklearn_pgnn.simulation.normal_equations import normal_equations
 from sklearn_pgnn.simulation.record_windows import cut, median_window_length
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, correlations, invert, standard_errors
@@ -74,7 +74,9 @@ def find_lags(found: ParameterFit) -> tuple[FoundLag, ...]:
     if fit is None:
         return ()
     without = min((search.at(none, begun) for begun in search.begun), key=times_noise)
-    if not (without.usable and leaves_noise(search.moved(none, search.parts), fit, without)):
+    if not (without.usable and is_better(without, fit, len(which))):
+        return ()
+    if not leaves_noise(search.moved(none, search.parts), fit, without):
         return ()
     freedom = max(fit.evaluation.block_squares.size - len(fit.freedoms), 1)
     related = np.abs(correlations(fit, search.expected, search.spread))
@@ -148,7 +150,8 @@ class _Search:
             near = [(known.shift + by, self.at(known.shift + by, known.fit)) for by in self._near()]
             shift, fit = min(near, key=lambda each: times_noise(each[1]))
             if not times_noise(fit) < least:
-                values = known.shift * self.part + known.left.clip(-self.part, self.part)
+                left = np.where(known.is_clear, known.left.clip(-self.part, self.part), known.left)
+                values = known.shift * self.part + left
                 return known.more, values, np.hypot(known.errors, FINEST * self.part)
         return None, shift, shift
 
