@@ -17,11 +17,12 @@ from sklearn_pgnn.cli.tables import heading, print_findings, print_table, say, s
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning, code_of
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
-from sklearn_pgnn.inspection.numbers import fit_text, number
+from sklearn_pgnn.inspection.numbers import fit_text, measured, number
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import finding_of
+from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability, percent
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
@@ -29,9 +30,10 @@ from sklearn_pgnn.trajectories.several_files import read_each
 
 
 class Checked(NamedTuple):
-    """Result of a check: a first look, unused columns, converted units, missing efforts."""
+    """Result of a check: a first look, what the records can tell, columns, missing efforts."""
 
     look: FirstLook
+    told: Identifiability
     unused: list[str]
     converted: dict[str, tuple[str, str]]
     missing: pd.DataFrame | None = None
@@ -55,12 +57,12 @@ def check_model(
         X, y = read_each(opened, data, read, sample_time)
         unused = dict.fromkeys(name for table in tables for name in table.unused())
         converted = {name: units for table in tables for name, units in table.converted().items()}
-        look = first_look(read, X, y)
+        look, known = first_look(read, X, y), identifiability(read, X, y)
         missing = missing_efforts(read, X, y) if has_several_joints(read) else None
     said = dict.fromkeys((code_of(each.category), str(each.message)) for each in told)
     found = (finding_of(code.replace("_", " "), message) for code, message in said)
     look = replace(look, findings=(*found, *look.findings))
-    return Checked(look, list(unused), converted, missing)
+    return Checked(look, known, list(unused), converted, missing)
 
 
 def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
@@ -71,6 +73,7 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
         more["version"] = __version__
         if checked.missing is not None:
             more["missing_efforts"] = checked.missing.to_dict("index")
+        more["identifiability"] = checked.told.to_dict()
         click.echo(as_strict_json({**look.to_dict(), **more}), nl=False)
         return
     console = screen()
@@ -89,6 +92,8 @@ def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     say(console, "A fit of 100 % is perfect, 0 % no better than the mean of the records.", "dim")
     if checked.missing is not None:
         _print_missing(console, checked.missing)
+    if not quiet:
+        _print_told(console, checked.told)
 
 
 def _summary(look: FirstLook) -> str:
@@ -128,6 +133,21 @@ def _print_contents(console: Console, checked: Checked) -> None:
     say(console, f"Assumed of the channels: {in_words(look.model)}.")
     if checked.unused:
         say(console, f"Not used: {', '.join(checked.unused)}.")
+
+
+def _print_told(console: Console, told: Identifiability) -> None:
+    """Print which parameters the records can tell, and what would help."""
+    if not (told.parameters or told.remarks):
+        return
+    heading(console, "What these records can tell")
+    rows = (
+        (p.name, measured(e.value, e.low, e.high, e.unit), percent(p.half_width), p.verdict)
+        for p, e in ((p, p.estimate) for p in told.parameters)
+    )
+    title = "if the model were right" if told.is_doubtful else "identifiable"
+    print_table(console, ("", "fitted (95 % interval)", "", title), rows)
+    for remark in told.remarks:
+        say(console, remark)
 
 
 def _print_missing(console: Console, missing: pd.DataFrame) -> None:

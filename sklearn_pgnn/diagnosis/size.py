@@ -22,8 +22,8 @@ from sklearn_pgnn.simulation.uncertainty import (
     errors_by_held,
     overdispersion,
     parameter_covariance,
-    rests_on_starts,
     standard_errors,
+    trusted_spread,
 )
 from sklearn_pgnn.trajectories.grid import step_of
 
@@ -36,8 +36,7 @@ def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dic
     values of states that are not measured tell a direction, these do not count.
     """
     fit, expected = trial.fit, _expected_starts(problem, trial)
-    if fit.usable and fit.freedoms and rests_on_starts(fit, *expected):
-        expected = expected[0], np.full(expected[1].shape, np.inf)
+    expected = expected[0], trusted_spread(fit, *expected)
     blocks = len(problem.windows) * problem.windows.blocks
     wider = student.ppf(0.975, max(blocks - len(fit.freedoms), 1)) / NORMAL_95
     errors = {name: wider * e for name, e in standard_errors(fit, *expected).items()}

@@ -37,6 +37,7 @@ from sklearn_pgnn.simulation.record_windows import (
 from sklearn_pgnn.simulation.substeps import IMPLICIT, MAX_SUBSTEPS, Steps
 from sklearn_pgnn.simulation.uncertainty import invert, standard_errors
 from sklearn_pgnn.simulation.window_fit import (
+    EachStep,
     ParameterPrior,
     WindowFit,
     fit_windows,
@@ -143,11 +144,15 @@ def _best(fits: list[ParameterFit]) -> ParameterFit:
 
 
 def fit_locally(
-    model: PhysicsModel, windowed: WindowedRecords, free, tolerance=1e-9
+    model: PhysicsModel,
+    windowed: WindowedRecords,
+    free,
+    tolerance=1e-9,
+    each_step: EachStep = None,
 ) -> ParameterFit:
     """Follow the gradient to the nearest minimum on all windows, in steps that do not matter."""
-    found = _fit_in_steps(model, windowed, free, tolerance)
-    for _ in range(REFINED):
+    found = _fit_in_steps(model, windowed, free, tolerance, each_step)
+    for _ in range(REFINED if each_step is None or not each_step() else 0):
         steps = steps_for_fit(found.windowed, found.fit, found.expected, found.spread)
         if steps == found.windowed.windows.steps:
             break
@@ -155,23 +160,26 @@ def fit_locally(
         states.windows = replace(states.windows, **steps._asdict())
         windows = replace(found.windowed.windows, **steps._asdict())
         finer = replace(found.windowed, windows=windows, states=states)
-        found = _fit_in_steps(found.fit.model, finer, free, tolerance)
+        found = _fit_in_steps(found.fit.model, finer, free, tolerance, each_step)
     return found
 
 
-def _fit_in_steps(model: PhysicsModel, windowed: WindowedRecords, free, tolerance) -> ParameterFit:
+def _fit_in_steps(
+    model: PhysicsModel, windowed: WindowedRecords, free, tolerance, each_step: EachStep
+) -> ParameterFit:
     x0_start, starts = None, windowed.windows.starts
     for _ in range(ROUNDS):
         estimate = windowed.states.estimate(model)
         expected, spread = _where_told(windowed, estimate.x[starts], estimate.spread)
         fit = fit_windows(
             model, windowed.windows, free, expected, spread, x0_start=x0_start,
-            max_steps=60, tolerance=tolerance,
+            max_steps=60, tolerance=tolerance, each_step=each_step,
         )  # fmt: skip
         is_known = set(model.states) <= set(windowed.states.known)
         before = [model.parameters[each.name].value for each in fit.freedoms]
         settled = np.allclose(fit.values, np.array(before), rtol=SETTLED, atol=0.0)
-        if is_known or not np.isfinite(fit.objective) or settled:
+        is_told_to_end = each_step is not None and each_step()
+        if is_known or not np.isfinite(fit.objective) or settled or is_told_to_end:
             break  # hidden states move no more
         model, x0_start = fit.model, fit.x0
     return ParameterFit(fit, expected, spread, windowed)

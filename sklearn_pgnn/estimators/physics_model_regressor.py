@@ -46,6 +46,7 @@ from sklearn_pgnn.simulation.uncertainty import (
     estimate_of,
     parameter_covariance,
     standard_errors,
+    trusted_spread,
 )
 from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -432,7 +433,8 @@ class PhysicsModelRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, Ba
 
     def _keep_estimates(self, found: ParameterFit) -> list[str]:
         """Keep values with intervals; return the names of those that are not determined."""
-        errors = standard_errors(found.fit, found.expected, found.spread)
+        spread = trusted_spread(found.fit, found.expected, found.spread)
+        errors = standard_errors(found.fit, found.expected, spread)
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
         loose = [name for name, error in errors.items() if not np.isfinite(error)]
         for name, error in errors.items():

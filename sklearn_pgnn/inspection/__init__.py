@@ -14,6 +14,7 @@ from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.report import Provenance, SourceFile, render_report, write_report
 from sklearn_pgnn.inspection.run_displays import ResidualDisplay, SimulationDisplay, resid
 from sklearn_pgnn.inspection.runs import fit_percentage
+from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability
 
 __all__ = [
     "CandidatesDisplay",
@@ -22,6 +23,7 @@ __all__ = [
     "DiagnosisComparison",
     "DiagnosisDisplay",
     "FirstLook",
+    "Identifiability",
     "ParametersDisplay",
     "Provenance",
     "ResidualDisplay",
@@ -30,6 +32,7 @@ __all__ = [
     "compare",
     "first_look",
     "fit_percentage",
+    "identifiability",
     "missing_efforts",
     "plot_detectability",
     "plot_diagnosis",

@@ -80,8 +80,7 @@ def find_blind_parameters(problem: EstimationProblem, base: WindowFit) -> list[F
     freedoms = [f for f in base.freedoms if np.isfinite(f.spread) and f.spread > 0]
     if not freedoms or not np.ptp(problem.windows.u, axis=0).any():
         return []
-    rich = _rich_windows(problem.windows)
-    x0 = _states_under(base, problem.windows, rich)
+    rich, x0 = rich_windows(base, problem.windows)
     spread = problem.states.estimate(base.model).spread
     here = _shares_left(base.model, problem.windows, base.x0, spread, freedoms)
     there = _shares_left(base.model, rich, x0, spread, freedoms)
@@ -103,8 +102,8 @@ def _blind(name: str, share: float) -> Finding:
     )
 
 
-def _rich_windows(windows: ShootingWindows) -> ShootingWindows:
-    """Return the windows with many sines of the inputs' own range as inputs."""
+def rich_windows(fit: WindowFit, windows: ShootingWindows) -> tuple[ShootingWindows, np.ndarray]:
+    """Return the windows with many sines of the inputs' own range as inputs, and their starts."""
     rng = np.random.default_rng(0)
     u = np.empty_like(windows.u)
     for a, b in pairwise(windows.bounds):
@@ -114,7 +113,8 @@ def _rich_windows(windows: ShootingWindows) -> ShootingWindows:
             wave = np.sin(2 * np.pi * (np.outer(clock, cycles) + rng.uniform(size=SINES))).sum(1)
             low, high = windows.u[:, i].min(), windows.u[:, i].max()
             u[a:b, i] = (low + high) / 2 + (high - low) / 2 * wave / np.abs(wave).max()
-    return replace(windows, u=u)
+    rich = replace(windows, u=u)
+    return rich, _states_under(fit, windows, rich)
 
 
 def _states_under(fit: WindowFit, windows: ShootingWindows, other: ShootingWindows) -> np.ndarray:
@@ -138,8 +138,19 @@ def _shares_left(
     freedoms: Sequence[ParameterPrior],
 ) -> np.ndarray:
     """Return the share of every parameter's prior variance that the windows leave."""
-    gram = evaluate(model, windows, x0, tuple(f.name for f in freedoms)).gram
-    normal = project(gram, len(freedoms), 1.0 / spread**2, np.zeros_like(x0))
+    information = information_of(model, windows, x0, spread, [f.name for f in freedoms])
     scale = np.array([f.spread for f in freedoms])
-    information = normal.hessian.sum(axis=0) * np.outer(scale, scale)
-    return np.diag(np.linalg.inv(information + np.eye(len(freedoms))))
+    return np.diag(np.linalg.inv(information * np.outer(scale, scale) + np.eye(len(freedoms))))
+
+
+def information_of(
+    model: PhysicsModel,
+    windows: ShootingWindows,
+    x0: np.ndarray,
+    spread: np.ndarray,
+    names: Sequence[str],
+) -> np.ndarray:
+    """Return the information of windows on parameters, initial states projected out."""
+    gram = evaluate(model, windows, x0, tuple(names)).gram
+    normal = project(gram, len(names), 1.0 / spread**2, np.zeros_like(x0))
+    return normal.hessian.sum(axis=0)

@@ -35,3 +35,12 @@ STEPS = 8
 ROWS, FOLDS = 2000, 5
 #: replays of an input at other speeds; fewer make the t test that compares with them blunter
 REPLAYS = 10
+#: samples to which parameters are fitted before a diagnosis, of longer records every n-th window,
+#: and seconds of work after which that fit ends, or a search for lags
+MOST_SAMPLES, HURRY = 20_000, 4.0
+#: samples up to which records are simulated in finer steps
+MOST_FINE = 200_000
+#: width, in values of a parameter, within which that fit holds what the records do not tell
+LOOSE = 3.0
+#: most parameters that are named as collinear with one
+SEVERAL = 4

@@ -203,7 +203,11 @@ def find_early_output(
     held = (replace(problem.windows, hold=hold) for hold in ("zoh", "foh"))
     leads = [_best_lead(problem, base, windows, each_step) for windows in held]
     lead, best = min(leads, key=lambda found: found[1].objective)
-    if lead < 1 or not is_better(final, best, 1) or not _leaves_noise(problem, best, final):
+    if (
+        lead < 1
+        or not is_better(final, best, 1)
+        or not (leaves_noise(problem.windows, best, final))
+    ):
         return None
     ahead = lead * problem.scales.sample_time
     count = "1 sample" if lead == 1 else f"{lead} samples"
@@ -266,8 +270,8 @@ def _refit(
     )
 
 
-def _leaves_noise(problem: EstimationProblem, fit: WindowFit, worse: WindowFit) -> bool:
+def leaves_noise(windows: ShootingWindows, fit: WindowFit, worse: WindowFit) -> bool:
     """Return whether a fit leaves little beside white noise of what a worse one leaves."""
     left, before = fit.evaluation.residual, worse.evaluation.residual
-    beyond = np.nanmean(left**2, axis=0) - white_power(left, problem.windows.starts)
+    beyond = np.nanmean(left**2, axis=0) - white_power(left, windows.starts)
     return bool((beyond <= SHARE * np.nanmean(before**2, axis=0)).all())

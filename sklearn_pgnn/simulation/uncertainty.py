@@ -97,6 +97,12 @@ def rests_on_starts(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     return bool(((told <= LOST * anchored) & (anchored > FLAT * anchored.max(initial=0.0))).any())
 
 
+def trusted_spread(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Return the spread of the initial states, infinite where they would settle a direction."""
+    alone = fit.usable and fit.freedoms and rests_on_starts(fit, expected, spread)
+    return np.full(spread.shape, np.inf) if alone else spread
+
+
 def parameter_covariance(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
     r"""Return the covariance of the parameters, in the directions that the records determine.
 

@@ -157,6 +157,17 @@ def test_a_check_says_what_is_converted_and_which_term_does_not_fit(files):
     assert "the term -d*v" in said
 
 
+def test_a_check_says_what_the_records_can_tell(files):
+    path = files / "cart.yaml"
+    path.write_text(MODEL.replace("F - d*v", "gain*F - d*v").replace("  d:", "  gain: 1\n  d:"))
+    said = " ".join(run("check", *given(files)).stdout.split())
+    assert "What these records can tell" in said
+    assert "collinear with" in said
+    told = json.loads(run("check", *given(files), "--json").stdout)["identifiability"]
+    assert {each["verdict"] for each in told["parameters"]} == {"not"}
+    assert "can tell" not in run("check", *given(files), "--quiet").stdout
+
+
 def test_a_check_says_what_is_assumed_of_the_channels(files):
     of_none = (
         "Assumed of the channels: of F, speed nothing is known, and every fault is considered."

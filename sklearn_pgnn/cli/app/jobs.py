@@ -22,7 +22,7 @@ from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import ModelError, ModelWarning
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.first_look import FirstLook, SeenRecord, first_look
-from sklearn_pgnn.inspection.numbers import fit_text, number, typeset_unit
+from sklearn_pgnn.inspection.numbers import fit_text, measured, number, typeset_unit
 from sklearn_pgnn.inspection.report import Provenance, SourceFile
 from sklearn_pgnn.inspection.report.curves_section import in_sight, input_plot
 from sklearn_pgnn.inspection.report.finding import next_step, title, verdict_line
@@ -34,6 +34,7 @@ from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.physics.effects import CoulombFriction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import robot_in
+from sklearn_pgnn.record_quality.identifiability import identifiability, percent
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.record import Record
@@ -47,7 +48,7 @@ _HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
 
 def draw_look(model: PhysicsModel, X: Table, y: Table) -> str:
     """Return how the model as given follows the records: warnings, a table, and every record."""
-    seen = first_look(model, X, y)
+    seen, told = first_look(model, X, y), identifiability(model, X, y)
     records = read_records(model, X, y)
     runs = run_records(model, records)
     return render(
@@ -63,6 +64,11 @@ def draw_look(model: PhysicsModel, X: Table, y: Table) -> str:
             }
             for o in seen.outputs
         ],
+        told=[
+            (p.name, measured(e.value, e.low, e.high, e.unit), percent(p.half_width), p.verdict)
+            for p, e in ((p, p.estimate) for p in told.parameters)
+        ],
+        remarks=told.remarks,
         records=[
             {
                 "name": r.name,
@@ -176,7 +182,7 @@ def look(
     """Plot the records together with the model as given."""
     progress("reading the records")
     model, X, y = _read(files, mapping)
-    progress("simulating the model as given")
+    progress("simulating the model as given, and fitting it")
     LOOK.write_text(draw_look(model, X, y), encoding="utf-8")
     return {}
 
