@@ -83,7 +83,9 @@ def page_of(code: str) -> Iterator[str]:
     entries = {name: parts for each in read_codes().values() for name, parts in each.items()}
     name = code.lower().replace("-", "_").replace(" ", "_")
     if name not in entries:
-        entries |= _effects()
+        from sklearn_pgnn.physics.effects import CATALOGUE
+
+        entries |= {each.id: {"means": each.summary, "check": each.check} for each in CATALOGUE}
     if name not in entries:
         near = get_close_matches(name, entries, n=3)
         meant = f"did you mean {' or '.join(near)}?" if near else f"{PROGRAM} explain lists all."
@@ -92,13 +94,6 @@ def page_of(code: str) -> Iterator[str]:
     for part, text in entries[name].items():
         yield ""
         yield fill(plain(f"{PARTS[part]}{text}"), WIDTH)
-
-
-def _effects() -> dict[str, dict[str, str]]:
-    """Return what is to be said of every effect of the catalogue."""
-    from sklearn_pgnn.physics.effects import CATALOGUE
-
-    return {effect.id: {"means": effect.summary, "check": effect.check} for effect in CATALOGUE}
 
 
 def plain(text: str) -> str:

@@ -200,7 +200,8 @@ class Investigation:
         """Return the fitter with integration steps as the prior needs them, stable ones if told."""
         if self.wiring is not None:
             return fitter
-        windows, base, method = fitter.problem.windows, fitter.base().fit, self._method
+        windows, base = fitter.problem.windows, fitter.base().fit
+        method = self.model.simulation.get("method")
         fast = speed_in_windows(base.model, windows, base.evaluation)
         if self._steps_are_told:
             steps = given_steps(windows.substeps, method, fast)
@@ -220,11 +221,6 @@ class Investigation:
     def _steps_are_told(self) -> bool:
         """Whether the user or the model specifies the number of integration steps."""
         return bool(self.options.get("substeps") or self.model.simulation.get("substeps"))
-
-    @property
-    def _method(self) -> str | None:
-        """The scheme of a step that the model specifies, if any."""
-        return self.model.simulation.get("method")
 
     def _like(self, problem: EstimationProblem, whole: EstimationProblem) -> HypothesisFitter:
         """Return the fitter on all records, with the window length and step of the search."""

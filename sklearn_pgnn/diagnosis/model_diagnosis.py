@@ -27,7 +27,6 @@ from sklearn_pgnn.diagnosis.options import (
 )
 from sklearn_pgnn.diagnosis.plain_diagnosis import plain_diagnosis
 from sklearn_pgnn.diagnosis.result import (
-    NamedCause,
     Tried,
     measure_gain,
     name_causes,
@@ -491,7 +490,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         try:
             self._separate_all(criterion, progress)
         finally:  # also of those that the time sufficed for
-            self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
+            self.causes_ = tuple(with_equivalent(each, self.separations_) for each in self.causes_)
 
     def _separate_all(self, criterion: SelectionCriterion, progress: Progress) -> None:
         for cause in self.causes_:
@@ -509,10 +508,6 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return the rule by which this diagnosis names causes."""
         candidates = possible_causes(self.model, read_catalogue(self.catalogue), self.targets)
         return SelectionCriterion(self.alpha, self.smallest_share, len(candidates))
-
-    def _with_equivalent(self, cause: NamedCause) -> NamedCause:
-        """Return a named cause with its equivalent causes, which no record separates from it."""
-        return with_equivalent(cause, self.separations_)
 
     def _cause(self, named: Named) -> Effect:
         """Return the effect of the catalogue with a given id and target."""

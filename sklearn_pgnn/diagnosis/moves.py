@@ -116,14 +116,15 @@ class Moves:
         for trial in trials[1:]:
             if self.compare.evidence(best, trial) > 0.0:
                 best = trial
-        left = [trial for trial in trials if not self._is_refuted(trial, trials)]
+        left = [
+            trial
+            for trial in trials
+            if not any(self.compare.refutes(other, trial) for other in trials if other is not trial)
+        ]
         return min(
             left or [best],
             key=lambda trial: (*trial.hypothesis.complexity, -self.compare.evidence(best, trial)),
         )
-
-    def _is_refuted(self, trial: FittedHypothesis, others: list[FittedHypothesis]) -> bool:
-        return any(self.compare.refutes(other, trial) for other in others if other is not trial)
 
     # -- other causes ------------------------------------------------------------------------------
 

@@ -95,7 +95,8 @@ class Search:
         """Return the best hypothesis so far, without needless causes as far as the time allows."""
         self.progress.counts = False  # a result there must be
         with self.progress.spare_time(AFTER_TESTS):
-            self._take_best_of_begun()
+            if len(self.current.hypothesis.causes) < self.max_causes:  # the best that was begun
+                self.current = next(self.moves.add_known(self.current), self.current)
         with self.progress.spare_time(AFTER_TESTS):
             self._drop_untenable()
         with self.progress.kept():
@@ -105,11 +106,6 @@ class Search:
             return self._result(complete=False)
         self.current = self.fitter.base()
         return self._result(complete=False)
-
-    def _take_best_of_begun(self) -> None:
-        """Add the best of the candidates that were looked at beside the causes, if it is named."""
-        if len(self.current.hypothesis.causes) < self.max_causes:
-            self.current = next(self.moves.add_known(self.current), self.current)
 
     def _drop_untenable(self) -> None:
         """Drop causes that are not named beside the others, given a disturbance where needed."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import Field, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -184,7 +184,8 @@ def leaves_something(
     quantity that it is said to limit: the cause then only compensates for a wrong equation.
     """
     own = cause.names()
-    limits = {own[q.name] for q in cause.quantities() if _is_limit_of_magnitude(q)}
+    ends = (q for q in cause.quantities() if q.metadata["role"] == "end")
+    limits = {own[q.name] for q in ends if q.metadata["low"] == 0.0}  # of magnitudes
     free = [each for each in trial.fit.freedoms if each.name in limits]
     if not free:
         return True
@@ -281,11 +282,6 @@ def exceeds_rounding(
         if not (is_coarse and changed[known, i].max(initial=0.0) <= step / 2):
             return True
     return False
-
-
-def _is_limit_of_magnitude(quantity: Field) -> bool:
-    """Return whether a quantity is the limit of a magnitude, so that nothing is left at zero."""
-    return quantity.metadata["role"] == "end" and quantity.metadata["low"] == 0.0
 
 
 def overdispersion_along(

@@ -205,7 +205,10 @@ def _proposal(
 ) -> Proposal:
     """Fit a formula added to a model."""
     fit = _fit(problem, base, formula, each_step)
-    found = _at_fit(formula, fit) if fit.usable else formula
+    found = formula
+    if fit.usable:
+        values = (fit.model.parameters[name].value for name in formula.names().values())
+        found = replace(formula, coefficients=tuple(values))
     return Proposal(hidden, found, FittedHypothesis(base.hypothesis.plus(formula), fit))
 
 
@@ -226,12 +229,6 @@ def _fit(
         x0_start=base.fit.x0,
         each_step=each_step,
     )
-
-
-def _at_fit(effect: Formula, fit: WindowFit) -> Formula:
-    """Return a formula with its fitted coefficients."""
-    values = (fit.model.parameters[name].value for name in effect.names().values())
-    return replace(effect, coefficients=tuple(values))
 
 
 def smoothed_samples(

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -18,11 +19,8 @@ from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_wi
 MARKED = f"{IN}marked"
 #: onsets that are compared at a time
 ONSETS = 12
-
-
-def share_of(group: Group) -> float:
-    """Return the share of the squares that a group explains."""
-    return group.share
+#: the share of the squares that a group explains
+SHARE = attrgetter("share")
 
 
 class DifferenceFits:
@@ -41,15 +39,15 @@ class DifferenceFits:
     def best(self, groups: list[Group]) -> Group | None:
         """Return the best of groups in the order of what they explain by a linear model."""
         of_records = {g.records: g for g in reversed(groups) if g.since is None}  # the last is best
-        usual = sorted(of_records.values(), key=share_of, reverse=True)[:KEPT]
-        best = max(map(self.tried, usual), key=share_of, default=None)
+        usual = sorted(of_records.values(), key=SHARE, reverse=True)[:KEPT]
+        best = max(map(self.tried, usual), key=SHARE, default=None)
         first = next((group for group in groups if group.since is not None), None)
         if first is None or (best is not None and best.share >= first.share):
             return best
         near = [g for g in reversed(groups) if g.records == first.records and g.since is not None]
         of_each = {(group.kind, group.quantity): group for group in near}
         sudden = self.settled(list(of_each.values()))
-        return sudden if best is None else max(best, sudden, key=share_of)
+        return sudden if best is None else max(best, sudden, key=SHARE)
 
     def settled(self, groups: list[Group]) -> Group:
         """Return the group with the onset, to a sample, that leaves least.
@@ -60,7 +58,7 @@ class DifferenceFits:
         step = max(1, len(self._times(groups[0])) // ONSETS)
         while step:
             tried = [self._nearest(group, step) for group in tried]
-            tried.sort(key=share_of, reverse=True)
+            tried.sort(key=SHARE, reverse=True)
             tried, step = tried[: -(-len(tried) // 2)], step // 2
         return tried[0]
 
@@ -75,7 +73,7 @@ class DifferenceFits:
             here = int(np.searchsorted(times, float(group.since or 0.0)))
             places = [k for k in (here - step, here + step) if 0 < k < len(times)]
             tried = [self.tried(group._replace(since=float(times[k]))) for k in places]
-            better = max(tried, key=share_of, default=group)
+            better = max(tried, key=SHARE, default=group)
             if better.share <= group.share:
                 return group
             group = better

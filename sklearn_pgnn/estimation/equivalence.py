@@ -89,14 +89,10 @@ def _by_coordinates(model: PhysicsModel) -> np.ndarray:
         at = [kink for kink in kinks if state in kink.free_symbols]
         if not at:
             changes.append(_change(model, state, sympy.Integer(1)))
-        if all(_keeps_its_kink(kink, state) for kink in at):
+        # a kink at the zero of the state, as that of dry friction, is kept
+        if all(isinstance(k, sympy.sign | sympy.Abs) and k.args[0] == state for k in at):
             changes.append(_change(model, state, state))
     return _columns(model, changes)
-
-
-def _keeps_its_kink(kink: sympy.Expr, state: sympy.Symbol) -> bool:
-    """Return whether a kink lies at the zero of a state, as that of dry friction does."""
-    return isinstance(kink, sympy.sign | sympy.Abs) and kink.args[0] == state
 
 
 def _change(model: PhysicsModel, state: sympy.Symbol, by: sympy.Expr) -> list[sympy.Expr]:

@@ -67,7 +67,10 @@ def keep_records(
         names=tuple(map(str, names)),
         states=problem.states.estimate(problem.prior).x,
         starts={which: known[id(fit)] for which, fit in fits.items()},
-        fits={which: _slim(fit) for which, fit in fits.items()},
+        fits={
+            which: FittedWindows(fit.model, fit.x0, fit.evaluation.residual, fit.freedoms)
+            for which, fit in fits.items()
+        },
         problem=replace(problem, windows=windows),
         causes=causes,
     )
@@ -82,7 +85,8 @@ def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarra
     starts = x0[np.searchsorted(windows.starts, windows.bounds[:-1])].copy()
     for state in _settled_by_inputs(model):
         column, rest = states.index(state), _settled(model, windows, state)
-        near = np.abs(starts[:, column] - rest) < _noticeable(model, windows, state)
+        driver = windows.u[:, list(model.inputs).index(model.settled[state])]
+        near = np.abs(starts[:, column] - rest) < SMALL_CHANGE * float(np.std(driver))
         starts[near, column] = rest[near]
     for start, told in zip(starts, problem.states.told, strict=True):
         start[[states.index(state) for state in told]] = list(told.values())
@@ -97,12 +101,6 @@ def _settled_by_inputs(model: PhysicsModel) -> tuple[str, ...]:
 def _settled(model: PhysicsModel, windows: ShootingWindows, state: str) -> np.ndarray:
     """Return where every record settles a state: at the first value of the input it follows."""
     return windows.u[windows.bounds[:-1], list(model.inputs).index(model.settled[state])]
-
-
-def _noticeable(model: PhysicsModel, windows: ShootingWindows, state: str) -> float:
-    """Return the change of a state that follows an input that is not small beside the input's."""
-    place = list(model.inputs).index(model.settled[state])
-    return SMALL_CHANGE * float(np.std(windows.u[:, place]))
 
 
 def as_judged(problem: EstimationProblem, fit: WindowFit | FittedWindows) -> PhysicsModel:
@@ -139,7 +137,3 @@ def _begun_elsewhere(
         if np.var(start) < CLEARLY * off:
             found[state] = float(start.mean())
     return found
-
-
-def _slim(fit: WindowFit) -> FittedWindows:
-    return FittedWindows(fit.model, fit.x0, fit.evaluation.residual, fit.freedoms)

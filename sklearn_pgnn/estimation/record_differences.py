@@ -22,7 +22,7 @@ from operator import add
 
 import numpy as np
 
-from sklearn_pgnn.estimation.difference_fits import MARKED, ONSETS, DifferenceFits, share_of
+from sklearn_pgnn.estimation.difference_fits import MARKED, ONSETS, SHARE, DifferenceFits
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.record_groups import Group
 from sklearn_pgnn.physics.effects.differences import DIFFERENCES, IN, Difference
@@ -30,7 +30,6 @@ from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.normal_equations import Normal, project
 from sklearn_pgnn.simulation.window_fit import (
-    ParameterPrior,
     WindowFit,
     prior_precision,
 )
@@ -110,14 +109,20 @@ def find_group(
         )
     ]
     groups += [
-        Group(records, since, kind, name, decrease / fit.squares)
+        Group(
+            tuple(np.unique(windows.record[chosen]).tolist()),
+            since,
+            kind,
+            name,
+            float(normal.of(chosen).from_each_on[0]) / fit.squares,
+        )
         for since in _within_windows(problem)
         for (kind, name), normal in zip(
             wanted, _normals(problem, fit, wanted, (windows.t >= since).astype(float)), strict=True
         )
-        for records, decrease in _in_each_and_all(windows.record, normal)
+        for chosen in _each_and_all(windows.record)
     ]
-    groups.sort(key=share_of, reverse=True)
+    groups.sort(key=SHARE, reverse=True)
     return DifferenceFits(problem, fit, each_step).best(groups)
 
 
@@ -143,7 +148,8 @@ def _normals(
     marks: np.ndarray | None = None,
 ) -> list[_Normal]:
     """Return the normal equations of every quantity in every window, by default all of it."""
-    windows, free = problem.windows, [f for f in fit.freedoms if _is_within(fit.model, f)]
+    windows, values = problem.windows, fit.model.parameters
+    free = [f for f in fit.freedoms if f.low < values[f.name].value < f.high]  # can compensate
     columns = {ALL: np.ones(len(windows.t))} | ({} if marks is None else {MARKED: marks})
     effects = [kind(pair(name, column)) for column in columns for kind, name in wanted]
     inputs = {**fit.model.inputs, **dict.fromkeys(columns, "")}
@@ -173,11 +179,6 @@ def _normal_of(normal: Normal, pull: np.ndarray, usual: int, q: int) -> _Normal:
     slope = np.append(np.zeros(n), normal.gradient[:, usual].sum())  # the parameters are fitted
     mixed = normal.hessian[:, every, q]
     return _Normal(shared, shared @ slope, normal.gradient[:, q], normal.hessian[:, q, q], mixed)
-
-
-def _is_within(model: PhysicsModel, freedom: ParameterPrior) -> bool:
-    """Return whether a parameter lies between its limits, so that it can compensate."""
-    return freedom.low < model.parameters[freedom.name].value < freedom.high
 
 
 def _goes_up(prior: PhysicsModel, fit: WindowFit, name: str) -> bool:
@@ -225,14 +226,6 @@ def _since(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
         if is_later[best]:
             of = tuple(np.unique(windows.record[chosen]).tolist())
             yield of, float(starts[order[best]]), float(decreases[best])
-
-
-def _in_each_and_all(
-    record: np.ndarray, normal: _Normal
-) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Yield every record and all of them, with the decrease of squares there."""
-    for chosen in _each_and_all(record):
-        yield tuple(np.unique(record[chosen]).tolist()), float(normal.of(chosen).from_each_on[0])
 
 
 def _each_and_all(record: np.ndarray) -> list[np.ndarray]:

@@ -58,19 +58,15 @@ def mark(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> Mark
 
 def marks_of(group: Group, record: np.ndarray, t: np.ndarray, n_records: int) -> np.ndarray:
     """Return the column of a group, or of a trend, at samples of some records."""
-    if _is_trend(group, n_records):
+    if group.since is None and len(group.records) == n_records:
         return record / (n_records - 1.0)
     is_later = t >= (-np.inf if group.since is None else group.since)
     return (np.isin(record, group.records) & is_later).astype(float)
 
 
-def _is_trend(group: Group, n_records: int) -> bool:
-    return group.since is None and len(group.records) == n_records
-
-
 def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> str:
     """Return a name for a group: that of its records, if these are short, and its onset."""
-    if _is_trend(group, len(records)):
+    if group.since is None and len(group.records) == len(records):
         return TREND
     names = [re.sub(r"\W+", "_", records[r].name) for r in group.records]
     name = IN + AND.join(names)

@@ -71,7 +71,8 @@ class Screening:
     def rank(self, ground: SubsampleFit, count: int = 1) -> list[tuple[float, tuple[Effect, ...]]]:
         """Rank candidates that may be added to a hypothesis, alone or several together."""
         view = self._view(ground)
-        tuned = [view.slope(name) for name in _within_limits(ground.fit)]
+        found = zip(ground.fit.freedoms, ground.fit.values, strict=True)
+        tuned = [view.slope(each.name) for each, value in found if each.low < value < each.high]
         known = view.without_states(np.column_stack([view.residual, *tuned]))
         blocks = {
             cause: view.without_states(self._change_by(cause))
@@ -88,12 +89,6 @@ class Screening:
             for causes in combinations(blocks, count)
         ]
         return sorted(ranked, key=lambda item: item[0])
-
-
-def _within_limits(fit: WindowFit) -> list[str]:
-    """Name the parameters that can still change: those not at a limit."""
-    found = zip(fit.freedoms, fit.values, strict=True)
-    return [free.name for free, value in found if free.low < value < free.high]
 
 
 def _basis(table: np.ndarray) -> np.ndarray:

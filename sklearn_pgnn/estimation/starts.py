@@ -32,7 +32,8 @@ def best_start(
     models = _at_starts(fitter, base, hypothesis, cause)
     if len(models) == 1:
         return models[0]
-    held = _differing(models, cause)
+    names = cause.names().values()
+    held = tuple(n for n in names if len({each.parameters[n].value for each in models}) > 1)
     if len(models) > 2 * KEPT:
         glances = [few.fit(model, held, steps=0) for model in models]
         models = [glances[place].model for place in _valleys(glances)[:KEPT]]
@@ -107,12 +108,6 @@ def _at_start(model: PhysicsModel, start: Effect) -> PhysicsModel:
     """Return an extended model whose new parameters are at a start of the effect."""
     own = {name: getattr(start, field) for field, name in start.names().items()}
     return model.with_parameters(**{n: value for n, value in own.items() if value is not None})
-
-
-def _differing(models: list[PhysicsModel], cause: Effect) -> tuple[str, ...]:
-    """Return the names of a cause's parameters in which its starts differ."""
-    names = cause.names().values()
-    return tuple(n for n in names if len({model.parameters[n].value for model in models}) > 1)
 
 
 def _valleys(glances: list[_Glance]) -> list[int]:

@@ -76,7 +76,8 @@ def _before_it_runs_away(fitter: HypothesisFitter) -> HypothesisFitter:
             last = tried[-1]
             foresees = _leaves_less_than(last, last.problem.squares_about_mean)
             otherwise = last if foresees else fitter
-            return next((each for each in tried if _is_within_foresight(each)), otherwise)
+            finite = (each for each in tried if each.base().fit.usable)
+            return next((each for each in finite if not _is_beyond_foresight(each)), otherwise)
         tried.append(HypothesisFitter(cut, fitter.progress))
     return tried[-1]
 
@@ -126,11 +127,6 @@ def _is_beyond_foresight(fitter: HypothesisFitter) -> bool:
     """Return whether noise at the start of a window grows to the size of the outputs in it."""
     problem = fitter.problem
     return problem.scales.window > horizon(problem, fitter.base().fit.model)
-
-
-def _is_within_foresight(fitter: HypothesisFitter) -> bool:
-    """Return whether the re-tuned prior remains finite in windows no longer than its foresight."""
-    return fitter.base().fit.usable and not _is_beyond_foresight(fitter)
 
 
 def _leaves_less_than(fitter: HypothesisFitter, squares: np.ndarray) -> bool:

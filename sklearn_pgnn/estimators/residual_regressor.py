@@ -195,7 +195,10 @@ class ResidualRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, BaseEs
                 "a model of that output alone (model.replace(outputs=...))."
             )
         target = error[rows, 0] if error.shape[1] == 1 else error[rows]
-        self.regressor_ = _for_targets(clone(self._regressor()), target).fit(features[rows], target)
+        regressor = clone(self._regressor())
+        if target.ndim > 1 and not get_tags(regressor).target_tags.multi_output:
+            regressor = MultiOutputRegressor(regressor)
+        self.regressor_ = regressor.fit(features[rows], target)
         return self
 
     def predict(self, X: Table) -> Any:
@@ -301,9 +304,3 @@ class ResidualRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, BaseEs
         tags.input_tags.allow_nan = physical or inner.input_tags.allow_nan  # in states
         tags.regressor_tags.poor_score = physical or inner.regressor_tags.poor_score
         return tags
-
-
-def _for_targets(regressor, target):
-    """Return a regressor that takes the targets, one copy per output where it takes only one."""
-    takes = target.ndim == 1 or get_tags(regressor).target_tags.multi_output
-    return regressor if takes else MultiOutputRegressor(regressor)

@@ -93,8 +93,14 @@ def from_fmu(
     described = _Described(_description(fmpy, path), path, names or {})
     part_of = {
         "inputs": described.choose("inputs", inputs, lambda v: v.causality == "input"),
-        "parameters": described.choose("parameters", parameters, _is_tunable),
-        "outputs": described.choose("outputs", outputs, _is_real_output),
+        "parameters": described.choose(
+            "parameters",
+            parameters,
+            lambda v: v.causality == "parameter" and v.variability == "tunable" and _is_number(v),
+        ),
+        "outputs": described.choose(
+            "outputs", outputs, lambda v: v.causality == "output" and _is_number(v)
+        ),
     }
     archive = Path(path).read_bytes()
     function = UnitFunction(archive, *(tuple(v.name for v in part) for part in part_of.values()))
@@ -184,14 +190,6 @@ def _require_binary(fmpy, found, path: str) -> None:
             f"export the FMU for this platform, or build it from its source, by "
             f"fmpy.util.compile_platform_binary({path!r})."
         )
-
-
-def _is_tunable(v) -> bool:
-    return v.causality == "parameter" and v.variability == "tunable" and _is_number(v)
-
-
-def _is_real_output(v) -> bool:
-    return v.causality == "output" and _is_number(v)
 
 
 def _is_number(v) -> bool:

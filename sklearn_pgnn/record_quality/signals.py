@@ -1,6 +1,6 @@
 """One measured quantity of all records: its noise and its resolution."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress
@@ -37,7 +37,8 @@ class Signal:
     @cached_property
     def noise(self) -> float:
         """Standard deviation of its white noise, in the records in which it changes if any."""
-        pairs = list(zip(self.is_still, self._timed, strict=True))
+        timed = zip(self.pieces, self.times, strict=True)
+        pairs = list(zip(self.is_still, timed, strict=True))
         moving = [piece for is_still, piece in pairs if not is_still]
         return float(np.median([noise_level(*p) for p in moving or [p for _, p in pairs]]))
 
@@ -50,10 +51,6 @@ class Signal:
     def noisy(self) -> bool:
         """Whether the finest part of it is noise, and not motion."""
         return looks_like_noise(self.pieces, self.times)
-
-    @property
-    def _timed(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        return zip(self.pieces, self.times, strict=True)
 
     @cached_property
     def resolution(self) -> float:

@@ -79,7 +79,9 @@ def predict_ahead(machines: list[Machine], steps: int, noise: np.ndarray):
     records = tuple(machine.record for machine in machines)
     with np.errstate(all="ignore"):
         free = [each.run(0, len(each.record.t) - 1, each.x0) for each in machines]
-        spread = _spread_of([x for x, _ in free])
+        x = np.concatenate([x for x, _ in free])
+        spread = np.nanstd(np.where(np.isfinite(x), x, np.nan), axis=0)
+        spread = np.where(spread > 0, spread, 1.0)  # of states that do not move
         pairs = [
             _ahead(machine, run, noise**2, spread, steps)
             for machine, run in zip(machines, free, strict=True)
@@ -166,9 +168,3 @@ def _root(covariance: np.ndarray) -> np.ndarray:
     """Return a square root of a covariance that may be singular."""
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-def _spread_of(runs) -> np.ndarray:
-    """Return the standard deviations of the states over free runs, 1 where nothing moves."""
-    spread = np.nanstd(np.where(np.isfinite(x := np.concatenate(runs)), x, np.nan), axis=0)
-    return np.where(spread > 0, spread, 1.0)

@@ -46,7 +46,8 @@ def fit_starts(
     for record, told in enumerate(states.told[:last]):
         own = _of_record(windows, record)
         settled = _settled(model, own.u[0] if begun is None else begun[record], begun is None)
-        given = {**settled, **_without_readings(model, told, own.y[0])}
+        read = set(zip(map(str, model.outputs.values()), own.y[0].tolist(), strict=True))
+        given = {**settled, **{s: value for s, value in told.items() if (s, value) not in read}}
         found.append(
             _fitted(model, own, estimate.x[windows.bounds[record]], estimate.spread, given)
         )
@@ -87,12 +88,6 @@ def _settled(model: PhysicsModel, values: np.ndarray, are_inputs: bool) -> dict[
         for state, followed in model.settled.items()
         if followed in model.inputs
     }
-
-
-def _without_readings(model: PhysicsModel, told: Mapping[str, float], y) -> dict[str, float]:
-    """Leave out starts that are but the first reading of an output, with its noise."""
-    shown = {(str(g), value) for g, value in zip(model.outputs.values(), y.tolist(), strict=True)}
-    return {state: value for state, value in told.items() if (state, value) not in shown}
 
 
 def _of_record(windows: ShootingWindows, record: int) -> ShootingWindows:

@@ -26,21 +26,16 @@ class CodeMemory:
 
     def __init__(self):
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
-        self._count = 0
+        self.count = 0
 
     def __deepcopy__(self, memo) -> "CodeMemory":
         return self  # code does not change, and addresses are not copied with it
-
-    @property
-    def is_full(self) -> bool:
-        """Whether another memory is to be begun."""
-        return self._count >= FULL
 
     def add(self, object_file: bytes) -> None:
         """Link an object file, which holds one function, of another name than those before it."""
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(object_file))
         self._engine.finalize_object()
-        self._count += 1
+        self.count += 1
 
     def address(self, name: str) -> int:
         """Return where a function begins."""
@@ -85,17 +80,13 @@ def machine_code(source: Source, method: str) -> tuple[int, CodeMemory]:
     with _LOCK:
         memory = _MEMORIES.get(key)
         if memory is None:
-            object_file, memory = _object_file(key, source, method), _memory_with_room()
+            object_file = _object_file(key, source, method)
+            if _Begun.memory is None or _Begun.memory.count >= FULL:
+                _Begun.memory = CodeMemory()
+            memory = _Begun.memory
             memory.add(object_file)
             _MEMORIES[key] = memory
         return memory.address(f"model_{key}"), memory
-
-
-def _memory_with_room() -> CodeMemory:
-    """Return the memory of the functions compiled last, or another one if it is full."""
-    if _Begun.memory is None or _Begun.memory.is_full:
-        _Begun.memory = CodeMemory()
-    return _Begun.memory
 
 
 def _object_file(key: str, source: Source, method: str) -> bytes:

@@ -93,7 +93,8 @@ def window_records(
         levels = noise_levels(records) if levels is None else levels
         scale = output_noise(records, levels)
     whole = ShootingWindows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
-    told = [_told_start(model, record) for record in records]
+    unknown = np.full(len(model.states), np.nan)
+    told = [unknown if record.x0 is None else record.x0 for record in records]
     states = StateEstimator(model, whole, told)
     period = dominant_period(records, levels)
     if window_length == WHOLE:
@@ -118,11 +119,6 @@ def without_gaps(records: tuple[Record, ...], window_length=None) -> tuple[Recor
     if not isinstance(window_length, Real):
         window_length = WINDOW_SHARE * dominant_period(records)
     return split_at_gaps(records, float(window_length), MIN_SAMPLES)
-
-
-def _told_start(model, record) -> np.ndarray:
-    """Return the initial state that a record gives, NaN where it does not."""
-    return np.full(len(model.states), np.nan) if record.x0 is None else record.x0
 
 
 def noise_levels(records) -> np.ndarray:

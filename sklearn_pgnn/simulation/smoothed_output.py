@@ -21,7 +21,8 @@ class SmoothedOutput:
             (windows.t[a:b], windows.y[a:b, column]) for a, b in pairwise(windows.bounds)
         ]
         self._penalties = self._choose_penalties()
-        curves = [smooth(t, y, p) for (t, y), p in self._with_penalties()]
+        pairs = zip(self._records, self._penalties, strict=True)
+        curves = [smooth(t, y, p) for (t, y), p in pairs]
         times = [t for t, _ in self._records]
         self.value = np.concatenate([s.value(t) for s, t in zip(curves, times, strict=True)])
         self.slope = np.concatenate([s.slope(t) for s, t in zip(curves, times, strict=True)])
@@ -39,9 +40,6 @@ class SmoothedOutput:
     def samples(self) -> np.ndarray:
         """Whether a sample was measured, of shape (n_samples,)."""
         return np.concatenate([np.isfinite(y) for _, y in self._records])
-
-    def _with_penalties(self):
-        return zip(self._records, self._penalties, strict=True)
 
     def _choose_penalties(self) -> list[float | None]:
         """Choose the penalty on the record with the most samples; none where these are too few.

@@ -104,7 +104,7 @@ class StateEstimator:
         ):  # how full a store behind another is, is unknown
             spread[state] = max(spread[state], np.std(x[:, other]))
         x.flags.writeable = False
-        return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
+        return StateEstimate(x, np.maximum(spread, 1e-6 * np.maximum(np.std(x, axis=0), 1e-9)))
 
     def _followers(self, model: PhysicsModel) -> list[tuple[int, int]]:
         """Return the states that others settle and no output shows, with these, by their places."""
@@ -235,8 +235,3 @@ def free_run(
 
 def _finite(start: dict) -> dict:
     return {name: float(value) for name, value in start.items() if np.isfinite(value)}
-
-
-def _smallest_spread(x):
-    """Keep a spread from vanishing where a record is free of noise."""
-    return 1e-6 * np.maximum(np.std(x, axis=0), 1e-9)

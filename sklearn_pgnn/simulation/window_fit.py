@@ -110,7 +110,7 @@ def fit_windows(
     each_step = each_step or _nothing
     each_step()
     task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2, precision)
-    fit = task.at(task.within_bounds(model), x0 if x0_start is None else x0_start, evaluation)
+    fit = task.at(task.moved(model, 0.0), x0 if x0_start is None else x0_start, evaluation)
     if x0_start is not None and not np.isfinite(fit.objective):
         fit = task.at(fit.model, np.where(np.isfinite(fit.parts)[:-1, None], fit.x0, x0))
     damping = _Damping(
@@ -219,12 +219,9 @@ class _Task:
         self.pull = prior_precision(freedoms) if precision is None else precision
         self.low, self.high = _column(freedoms, "low"), _column(freedoms, "high")
 
-    def within_bounds(self, model) -> PhysicsModel:
-        return self._moved(model, 0.0)
-
-    def _moved(self, model, by) -> PhysicsModel:
+    def moved(self, model, by) -> PhysicsModel:
         values = np.clip(_values(model, self.freedoms) + by, self.low, self.high)
-        return _with_values(model, self.freedoms, values)
+        return model.with_parameters(**dict(zip(self.wrt, values.tolist(), strict=True)))
 
     def at(self, model, x0, evaluation=None) -> WindowFit:
         if evaluation is None:
@@ -238,7 +235,7 @@ class _Task:
 
     def step(self, fit, damping) -> _Step:
         by_p, by_x, promise = self._change(fit, damping)
-        return _Step(self._moved(fit.model, by_p), fit.x0 + by_x, promise)
+        return _Step(self.moved(fit.model, by_p), fit.x0 + by_x, promise)
 
     def _change(self, fit, damping):
         """Return the changes of parameters and initial states, and the decrease they promise."""
@@ -311,8 +308,3 @@ def _column(freedoms, attribute) -> np.ndarray:
 
 def _values(model, freedoms) -> np.ndarray:
     return np.array([model.parameters[f.name].value for f in freedoms], dtype=float)
-
-
-def _with_values(model, freedoms, values) -> PhysicsModel:
-    changes = {f.name: float(v) for f, v in zip(freedoms, values, strict=True)}
-    return model.with_parameters(**changes)

@@ -144,7 +144,8 @@ def _weights(clock: np.ndarray, order: int) -> np.ndarray:
 
 def _least_passed(y: np.ndarray) -> np.ndarray:
     """Filter each half of an even record as fitted to the other half; parabolas never pass."""
-    places = _whole_windows(y)
+    unknown = np.concatenate([[0], np.cumsum(~np.isfinite(y))])
+    places = np.flatnonzero(unknown[TAPS:] == unknown[:-TAPS])  # all samples are known from there
     half = places.size // 2
     if half < ROWS_A_TAP * TAPS:
         return np.zeros(0)
@@ -154,12 +155,6 @@ def _least_passed(y: np.ndarray) -> np.ndarray:
         learned = some[:: -(-some.size // ROWS)]
         filtered.append(_filtered(y, others, straight @ _least_direction(y, learned, straight)))
     return np.concatenate(filtered)
-
-
-def _whole_windows(y: np.ndarray) -> np.ndarray:
-    """Return the starts of the windows of a given length whose samples are all known."""
-    unknown = np.concatenate([[0], np.cumsum(~np.isfinite(y))])
-    return np.flatnonzero(unknown[TAPS:] == unknown[:-TAPS])
 
 
 def _least_direction(y: np.ndarray, places: np.ndarray, straight: np.ndarray) -> np.ndarray:

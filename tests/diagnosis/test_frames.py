@@ -4,10 +4,12 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from sledge import rough_sledge
+from rubbing_sledge import fresh_fitter
+from sledge import SLEDGE, rough_sledge
 
 from sklearn_pgnn.diagnosis import NamedCause, Rival
 from sklearn_pgnn.diagnosis.frames import causes_frame
+from sklearn_pgnn.diagnosis.result import retuned_parameters
 from sklearn_pgnn.simulation.uncertainty import Estimate
 
 pytestmark = pytest.mark.core
@@ -59,3 +61,13 @@ def test_a_cause_prints_itself_in_a_line():
     cause = NamedCause("input_bias", "F", parameters, 90.0, rivals, probability=0.5)
     said = "<NamedCause input_bias on F: bias 0.3008 N, probability 0.5, confused with 1>"
     assert repr(cause) == said
+
+
+def test_a_parameter_that_was_held_may_be_anywhere_in_its_bounds():
+    """A cause stands in its place: the records say nothing of it, and it has not changed."""
+    fitter = fresh_fitter()
+    fit = fitter.base().fit
+    table = retuned_parameters(fitter.problem, fit, {"m": 0.1})
+    value, bounds = fit.model.parameters["m"].value, SLEDGE.parameters["d"].bounds
+    assert table["m"].low < value < table["m"].high
+    assert (table["d"].low, table["d"].high, table["d"].changed) == (*bounds, False)

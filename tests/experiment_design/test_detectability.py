@@ -7,10 +7,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_pgnn.experiment_design.detectability as detectability_module
-import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood_ratio
@@ -182,42 +180,6 @@ def test_a_memory_is_found_by_its_size_and_not_by_being_there(diagnosis):
     assert row.curve[1][1] < 0.1
 
 
-def lose_above(monkeypatch, limit):
-    """Let every simulation with more than so much Coulomb friction diverge."""
-    evaluate = power_module.evaluate
-
-    def diverging(model, windows, x0, wrt):
-        found = evaluate(model, windows, x0, wrt)
-        level = model.parameters.get("Fc_v")
-        if level is not None and abs(level.value) > limit:
-            found = replace(found, block_gram=np.full_like(found.block_gram, np.inf))
-        return found
-
-    monkeypatch.setattr(power_module, "evaluate", diverging)
-
-
-def test_a_size_that_cannot_be_simulated_counts_for_nothing(diagnosis, monkeypatch):
-    (whole,) = diagnosis.detectability((effects.CoulombFriction,)).rows
-    lose_above(monkeypatch, 0.5)
-    (row,) = diagnosis.detectability((effects.CoulombFriction,)).rows
-    assert row.smallest == pytest.approx(whole.smallest, rel=0.2)
-    assert max(size for size, _ in row.curve) <= 0.5
-    lose_above(monkeypatch, -1.0)
-    (never,) = diagnosis.detectability((effects.CoulombFriction,)).rows
-    assert np.isnan(never.smallest)
-    assert "becomes non-finite" in never.reason
-    assert never.curve == ((0.0, 0.0),)
-
-
-def test_a_re_tuning_that_diverges_is_no_power(diagnosis, monkeypatch):
-    fit = power_module.fit_windows
-    lost = lambda *args, **options: replace(fit(*args, **options), objective=np.inf)  # noqa: E731
-    monkeypatch.setattr(power_module, "fit_windows", lost)
-    (row,) = diagnosis.detectability((effects.CoulombFriction,)).rows
-    assert np.isnan(row.smallest)
-    assert row.curve == ((0.0, 0.0),)
-
-
 @pytest.mark.filterwarnings("error")
 def test_a_parameter_that_is_zero_has_a_size_too():
     zero = cart().replace(
@@ -300,21 +262,6 @@ def test_unusable_options_are_refused(diagnosis):
         diagnosis.detectability(power=90)
     with pytest.raises(ValueError, match=r"noise: expected 'residual' or 'white', got 'pink'"):
         diagnosis.detectability(noise="pink")
-
-
-def test_every_effect_is_told_as_it_is_done_and_has_one_thread(diagnosis, monkeypatch):
-    told, threads = [], set()
-
-    def power(self, *args, **options):
-        threads.update(library["num_threads"] for library in threadpool_info())
-        return 0.0
-
-    monkeypatch.setattr(PowerAnalysis, "power", power)
-    monkeypatch.setattr(diagnosis, "progress", lambda *words: told.append(words))
-    with threadpool_limits(2):
-        diagnosis.detectability([effects.CoulombFriction, effects.InputDeadZone])
-    assert told == [("effects", done, 2) for done in (0, 1, 2)]
-    assert threads == {1}
 
 
 def test_joblib_sees_that_an_analysis_holds_records(diagnosis):

@@ -60,7 +60,10 @@ class StepNetwork(nn.Module):
         states; `simulated` and `features` the open-loop simulation and further columns at the next
         sample. Return the states of the samples after the first, (n, length, n_states).
         """
-        self._keep_in_range()
+        if self.free is not None and self.changes is not None:
+            low, high = (self.changes.new_tensor(end) for end in (self.free.low, self.free.high))
+            with torch.no_grad():
+                self.changes.clamp_(low, high)
         hidden = self.core.at_rest(len(x)) if hasattr(self.core, "at_rest") else None
         dt, state, predicted = torch.diff(t, dim=1), x[:, 0], []
         for k in range(u.shape[1]):
@@ -74,12 +77,6 @@ class StepNetwork(nn.Module):
             )
             predicted.append(state)
         return torch.stack(predicted, dim=1)
-
-    def _keep_in_range(self) -> None:
-        if self.free is not None and self.changes is not None:
-            low, high = (self.changes.new_tensor(end) for end in (self.free.low, self.free.high))
-            with torch.no_grad():
-                self.changes.clamp_(low, high)
 
     def prior(self, x, index) -> torch.Tensor:
         """Return the model's own step from states, with the parameters as they are now."""
