@@ -249,7 +249,7 @@ def test_without_a_folder_nothing_is_kept(tmp_path, monkeypatch):
 def test_other_processors_libraries_and_versions_have_other_files(monkeypatch):
     source, asked = write_source(PENDULUM), []
     monkeypatch.setattr(machine_code, "_MEMORIES", {})
-    monkeypatch.setattr(machine_code, "CodeMemory", Mock)
+    monkeypatch.setattr(machine_code, "CodeMemory", lambda: Mock(count=0))
     monkeypatch.setattr(machine_code._Begun, "memory", None)
     monkeypatch.setattr(machine_code, "_object_file", lambda key, *_: asked.append(key))
     machine_code.machine_code(source, "rk4")

@@ -146,8 +146,8 @@ def _flow(
     known = {*model.states, *model.inputs}
     if not moving or not moving <= known or model.parameters[str(p)].value == 0:
         return None
-    moves = is_velocity(model, key) or key in model.kinematic_pairs.values()
-    if part == "equations" and moves:
+    positions = model.kinematic_pairs.values()
+    if part == "equations" and (key in positions or is_velocity(model, key)):
         return _Flow(part, key, flow, divides) if moving <= set(model.inputs) else None
     return _Flow(part, key, flow, divides)
 

@@ -195,7 +195,7 @@ def test_a_formula_that_tells_nothing_elsewhere_is_a_hint():
 
 def test_an_effect_is_missing_but_a_number_is_wrong():
     kinds = ("coulomb_friction", "v"), ("wrong_parameter", "m"), ("input_delay", "u")
-    causes = [SimpleNamespace(effect=effect, target=target) for effect, target in kinds]
+    causes = [SimpleNamespace(effect=e, target=t, probability=1.0, outside=0.0) for e, t in kinds]
     assert lacks(causes[1:2]) == "has a wrong value of m"
     said = "lacks Coulomb friction on v and input delay of u and has a wrong value of m"
     assert lacks(causes) == said
