@@ -334,18 +334,22 @@ class Investigation:
         if not self.compares_records or (left <= much).all():
             return None
         group = find_group(fitter.problem, base.fit, self.progress.tick)
-        if group is None or ((1.0 - group.share) * left > much).any():
+        if group is None or (group.left * left > much).any():
             return None
+        if ((group.left + group.share) * left <= much).all():
+            return None  # another value everywhere does as well
         self.progress.begin("differences between records")
-        as_given, wider = dict(vars(self)), self._beside(group, fitter.problem)
-        new = set(wider.candidates) - set(self.candidates)
-        vars(self).update(vars(wider))
-        found = self._search(self._fitter(fitter.problem.windows.hold))
+        wider = self._beside(group, fitter.problem)
+        try:
+            found = wider._search(wider._fitter(fitter.problem.windows.hold))
+        except KeyboardInterrupt:
+            vars(self).update(vars(wider))  # what it holds is the best so far
+            raise
         is_all = not found.search.compare.leaves_what_may_depend(found.result.final)
-        if new & set(found.result.final.hypothesis.causes) and (is_all or self.progress.ended):
-            return found
-        vars(self).update(as_given)
-        return None
+        if not (self._lacks(wider, found) and (is_all or self.progress.ended)):
+            return None
+        vars(self).update(vars(wider))
+        return found
 
     def _try_differences(self, found: Findings) -> None:
         """Search again with what may differ between records, where that explains what is left.
@@ -366,13 +370,16 @@ class Investigation:
             if wider.groups.keys() == self.groups.keys():
                 continue  # what differs there was tried
             again = wider._search(wider._fitter(problem.windows.hold))
-            final = again.result.final
-            new = set(wider.candidates) - set(self.candidates)
-            is_named = bool(new & set(final.hypothesis.causes))
-            is_all = not again.search.compare.leaves_what_may_depend(final)
-            if again.result.complete and is_named and (is_clear or is_all):
+            is_all = not again.search.compare.leaves_what_may_depend(again.result.final)
+            is_named = again.result.complete and self._lacks(wider, again)
+            if is_named and (is_clear or is_all):
                 vars(self).update(vars(wider), searched=again)
                 return self._try_differences(again)
+
+    def _lacks(self, wider: "Investigation", found: Findings) -> bool:
+        """Return whether something is named that only a wider investigation considers."""
+        new = set(wider.candidates) - set(self.candidates)
+        return bool(new & set(found.result.final.hypothesis.causes))
 
     def _beside(self, group: Group, problem: EstimationProblem) -> "Investigation":
         """Return the investigation with what may differ in a group among the candidates."""

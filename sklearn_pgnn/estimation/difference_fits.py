@@ -1,6 +1,5 @@
 """Fits of what differs between records, and since when: a large difference is far from linear."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from operator import attrgetter
@@ -11,54 +10,54 @@ from sklearn_pgnn.estimation.budgets import KEPT, STEPS
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.record_groups import Group, marks_of
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS
-from sklearn_pgnn.physics.effects.differences import IN
+from sklearn_pgnn.physics.effects.differences import IN, Difference
 from sklearn_pgnn.physics.effects.targets import pair
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import EachStep, ParameterPrior, WindowFit, fit_windows
 
-#: a column that is one in a group
+#: a column that is one in every record: what differs in all of them is what any may differ in
+ALL = f"{IN}all_records"
+#: and one that is one in a group
 MARKED = f"{IN}marked"
 #: onsets that are compared at a time
 ONSETS = 12
-#: the share of the squares that a group explains
-SHARE = attrgetter("share")
+#: the shares of the squares that a group explains, and that are left
+SHARE, LEFT = attrgetter("share"), attrgetter("left")
 
 
 class DifferenceFits:
-    """Fits of what may differ, and since when: a large difference is far from linear."""
+    """Fits of what may differ, and since when; what is wrong everywhere does not differ."""
 
-    def __init__(
-        self,
-        problem: EstimationProblem,
-        fit: WindowFit,
-        each_step: Callable[[], bool | None] | None,
-    ):
+    def __init__(self, problem: EstimationProblem, fit: WindowFit, each_step: EachStep):
         self.problem, self.fit, self.each_step = problem, fit, each_step
-        windows = problem.windows
-        self.record = windows.record_at(np.arange(len(windows.t)))
+        self.record = problem.windows.record_at(np.arange(len(problem.windows.t)))
+        self._usual: dict[tuple[type[Difference], str], float] = {}
 
     def best(self, groups: list[Group]) -> Group | None:
-        """Return the best of groups in the order of what they explain by a linear model."""
+        r"""Return the group that leaves least, of those that explain most by a linear model.
+
+        They are in its order; one difference of each set of records, and the onsets of the first.
+        One of :math:`n` onsets costs :math:`2 \log n` squares.
+        """
         of_records = {g.records: g for g in reversed(groups) if g.since is None}  # the last is best
         usual = sorted(of_records.values(), key=SHARE, reverse=True)[:KEPT]
-        best = max(map(self.tried, usual), key=SHARE, default=None)
+        best = min(map(self.tried, usual), key=LEFT, default=None)
         first = next((group for group in groups if group.since is not None), None)
-        if first is None or (best is not None and best.share >= first.share):
+        if first is None:
             return best
-        near = [g for g in reversed(groups) if g.records == first.records and g.since is not None]
-        of_each = {(group.kind, group.quantity): group for group in near}
-        sudden = self.settled(list(of_each.values()))
-        return sudden if best is None else max(best, sudden, key=SHARE)
+        near = [g for g in groups if g.records == first.records and g.since is not None]
+        of_each = {(group.kind, group.quantity): group for group in reversed(near)}
+        sudden, squares = self.settled(list(of_each.values())), self.fit.squares
+        dispersion = max(sudden.left * squares / self.problem.n_samples, 1.0)
+        price = 2.0 * np.log(len(self._times(first))) * dispersion
+        is_dear = best is not None and (best.left - sudden.left) * squares < price
+        return best if is_dear else sudden
 
     def settled(self, groups: list[Group]) -> Group:
-        """Return the group with the onset, to a sample, that leaves least.
-
-        Every quantity has an onset of its own; the better half goes on to smaller steps.
-        """
+        """Return the best group with its onset; the better half goes on to smaller steps."""
         tried = [self.tried(group) for group in groups]
         step = max(1, len(self._times(groups[0])) // ONSETS)
         while step:
-            tried = [self._nearest(group, step) for group in tried]
-            tried.sort(key=SHARE, reverse=True)
+            tried = sorted((self._nearest(group, step) for group in tried), key=LEFT)
             tried, step = tried[: -(-len(tried) // 2)], step // 2
         return tried[0]
 
@@ -73,33 +72,46 @@ class DifferenceFits:
             here = int(np.searchsorted(times, float(group.since or 0.0)))
             places = [k for k in (here - step, here + step) if 0 < k < len(times)]
             tried = [self.tried(group._replace(since=float(times[k]))) for k in places]
-            better = max(tried, key=SHARE, default=group)
-            if better.share <= group.share:
+            better = min(tried, key=LEFT, default=group)
+            if better.left >= group.left:
                 return group
             group = better
 
     def tried(self, group: Group) -> Group:
-        """Return a group with the share of the squares that a fit of its difference explains."""
-        windows, cause = self.problem.windows, group.kind(pair(group.quantity, MARKED))
-        wider = self.fit.model.replace(inputs={**self.fit.model.inputs, MARKED: ""})
-        model = wider + cause
-        ((field, name),) = cause.names().items()
-        low, high = cause.limits(cause.target, wider, self.problem.scales).get(
-            field, model.parameters[name].bounds
-        )
-        own = ParameterPrior(name, low, high, 0.0, np.inf, 1.0)
-        marks = marks_of(group, self.record, windows.t, len(windows.bounds) - 1)
-        marked = replace(windows, u=np.column_stack([windows.u, marks]))
+        """Return a group with what it explains beyond another usual value, and leaves."""
+        what = group.kind, group.quantity
+        if what not in self._usual:
+            self._usual[what] = self._left(group, {ALL: np.ones(len(self.record))})
+        n_records = len(self.problem.windows.bounds) - 1
+        marks = marks_of(group, self.record, self.problem.windows.t, n_records)
+        left = self._left(group, {ALL: np.ones(len(self.record)), MARKED: marks})
+        if not np.isfinite(left):
+            return group._replace(share=0.0, left=np.inf)
+        explained = self._usual[what] - left
+        return group._replace(share=explained / self.fit.squares, left=left / self.fit.squares)
+
+    def _left(self, group: Group, columns: dict[str, np.ndarray]) -> float:
+        """Return the squares that are left where a quantity is another by each of some columns."""
+        windows, model = self.problem.windows, self.fit.model
+        model, own = model.replace(inputs={**model.inputs, **dict.fromkeys(columns, "")}), []
+        for column in columns:
+            cause = group.kind(pair(group.quantity, column))
+            limits = cause.limits(cause.target, model, self.problem.scales)
+            model = model + cause
+            ((field, name),) = cause.names().items()
+            low, high = limits.get(field, model.parameters[name].bounds)
+            own.append(ParameterPrior(name, low, high, 0.0, np.inf, 1.0))
+        marked = replace(windows, u=np.column_stack([windows.u, *columns.values()]))
         with suppress(*BREAKDOWNS):  # another difference may do
             again = fit_windows(
                 model,
                 marked,
-                (*self.fit.freedoms, own),
+                (*self.fit.freedoms, *own),
                 *self.problem.states.expected_starts(self.fit.model, windows),
                 x0_start=self.fit.x0,
                 max_steps=STEPS,
                 each_step=self.each_step,
             )
             if again.usable:
-                return group._replace(share=1.0 - again.squares / self.fit.squares)
-        return group._replace(share=0.0)
+                return again.squares
+        return np.inf

@@ -15,28 +15,23 @@ which the quantity is larger is then the next best. For a trend from record to r
 weighted, from zero in the first record to one in the last.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
 
 import numpy as np
 
-from sklearn_pgnn.estimation.difference_fits import MARKED, ONSETS, SHARE, DifferenceFits
+from sklearn_pgnn.estimation.difference_fits import ALL, MARKED, ONSETS, SHARE, DifferenceFits
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.record_groups import Group
-from sklearn_pgnn.physics.effects.differences import DIFFERENCES, IN, Difference
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES, Difference
 from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.normal_equations import Normal, project
-from sklearn_pgnn.simulation.window_fit import (
-    WindowFit,
-    prior_precision,
-)
+from sklearn_pgnn.simulation.window_fit import EachStep, WindowFit, prior_precision
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
-#: a column that is one in every record: what differs in all of them is what any may differ in
-ALL = f"{IN}all_records"
 #: part of a quantity's own curvature below which shared parameters take its place
 FLAT = 1e-9
 
@@ -92,7 +87,7 @@ class _Normal:
 
 
 def find_group(
-    problem: EstimationProblem, fit: WindowFit, each_step: Callable[[], bool | None] | None = None
+    problem: EstimationProblem, fit: WindowFit, each_step: EachStep = None
 ) -> Group | None:
     """Return where a difference explains most, and in what; None where nothing can differ."""
     if not fit.usable:

@@ -18,7 +18,8 @@ LONGEST = 60
 class Group(NamedTuple):
     """Records that may differ from the others, or from an onset on from what they were before.
 
-    All records without an onset differ by a trend from the first to the last.
+    All records without an onset differ by a trend from the first to the last. The difference
+    explains a share of the squares; a fit with it and with another usual value leaves a share.
     """
 
     records: tuple[int, ...]
@@ -26,6 +27,7 @@ class Group(NamedTuple):
     kind: type[Difference]
     quantity: str
     share: float
+    left: float = 1.0
 
 
 class Marked(NamedTuple):
