@@ -18,13 +18,12 @@ import pandas as pd
 
 from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor
 from sklearn_pgnn.inspection import identifiability
+from sklearn_pgnn.record_quality.identifiability import TOLD, WEAK
 
 #: integration steps per sample, and the samples before a record over which its start settles
 STEPS, BEFORE = 20, 200
 #: factor from the usual value of a parameter to its bounds
 WIDE = 100.0
-#: half-widths, as shares of the value, between the three verdicts
-TOLD, WEAK = 0.2, 1.0
 
 
 @dataclass(frozen=True)
@@ -178,7 +177,7 @@ def measure(number: int, *, quick: bool = False) -> tuple[list[dict], list[dict]
     for told in found.parameters:
         true = case.truth.parameters[told.name].value
         expected, got = told.estimate, fitted[told.name]
-        size = max(abs(got.value), abs(case.model.parameters[told.name].value))
+        size = abs(got.value) or abs(case.model.parameters[told.name].value)
         rows.append(
             {
                 "case": number, "machine": case.name, "parameter": told.name,

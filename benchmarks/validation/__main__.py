@@ -7,14 +7,13 @@ pair ...`` and ``--count 50`` for some of them, drawn at random.
 """
 
 import argparse
-import json
 import random
 from collections import Counter
 from pathlib import Path
 
 from cases import DEVELOPMENT, FROZEN, all_cases
-from joblib import Parallel, delayed
 from outcome import Outcome, run
+from resumed import resumed
 from tables import ROWS, write
 
 
@@ -24,13 +23,6 @@ def chosen(said):
     cases = [case for case in cases if case.kind in said.only]
     random.Random(0).shuffle(cases)
     return cases
-
-
-def known(path) -> list[Outcome]:
-    """Read what an earlier run found."""
-    if not path.exists():
-        return []
-    return [Outcome(**json.loads(line)) for line in path.read_text().splitlines()]
 
 
 def main():
@@ -44,16 +36,7 @@ def main():
     said = parser.parse_args()
     drawn = chosen(said)
     cases = drawn[: said.count]
-    outcomes = [outcome for outcome in known(said.results) if outcome.case in cases]
-    left = [case for case in cases if case not in {outcome.case for outcome in outcomes}]
-    with said.results.open("a") as file:
-        for outcome in Parallel(n_jobs=said.jobs, return_as="generator_unordered")(
-            delayed(run)(case) for case in left
-        ):
-            outcomes.append(outcome)
-            file.write(json.dumps(outcome.to_dict()) + "\n")
-            file.flush()
-            print(f"{len(outcomes)}/{len(cases)}", *outcome.to_dict().values(), flush=True)
+    outcomes = resumed(said.results, Outcome, cases, run, said.jobs)
     for kind in said.only:
         print(kind, dict(Counter(o.outcome for o in outcomes if o.kind == kind)))
     if not said.development:

@@ -8,19 +8,18 @@ them, drawn at random. A run that was stopped goes on from its file of JSON line
 """
 
 import argparse
-import json
 import random
 import time
 import warnings
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from cases import DEVELOPMENT, FROZEN, course, seed_of
-from joblib import Parallel, delayed
 from machines import MACHINES
+from resumed import resumed
 
 from sklearn_pgnn import ModelDiagnosis, datasets
 from sklearn_pgnn.datasets.integrator import integrate
@@ -75,16 +74,22 @@ class Made:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was hidden and said, whether it is right, and whether something false is said."""
+    """What was hidden and said, and whether it, and nothing else, is right."""
 
     kind: str
     machine: str
     number: int
+    root: int
     hidden: str
     said: str
     right: bool
     verdict: str
     seconds: float
+
+    @property
+    def case(self) -> Case:
+        """The case that it is of."""
+        return Case(self.kind, self.machine, self.number, self.root)
 
 
 def all_cases(root: int) -> list[Case]:
@@ -168,12 +173,12 @@ def run(case: Case) -> Outcome:
     causes = diagnosis.causes_
     right = not causes and diagnosis.verdict_ == "model_adequate"
     if made.quantity:
-        right = any(_is_it(case, made, diagnosis, cause) for cause in causes)
+        right = len(causes) == 1 and _is_it(case, made, diagnosis, causes[0])
     where = " ".join(made.records) + (f" since {made.onset:.4g}" if made.onset else "")
     said = "; ".join(f"{cause.effect} of {cause.target}" for cause in causes)
     seconds = time.perf_counter() - begun
     hidden = f"{made.quantity} {where}".strip()
-    return Outcome(*case[:3], hidden, said, bool(right), diagnosis.verdict_, seconds)
+    return Outcome(*case, hidden, said, bool(right), diagnosis.verdict_, seconds)
 
 
 def _is_it(case, made, diagnosis, cause) -> bool:
@@ -209,18 +214,7 @@ def main():
     ]
     random.Random(0).shuffle(cases)
     cases = cases[: said.count]
-    lines = said.results.read_text().splitlines() if said.results.exists() else []
-    outcomes = [Outcome(**json.loads(line)) for line in lines]
-    done = {(o.kind, o.machine, o.number) for o in outcomes}
-    left = [case for case in cases if case[:3] not in done]
-    with said.results.open("a") as file:
-        for outcome in Parallel(n_jobs=said.jobs, return_as="generator_unordered")(
-            delayed(run)(case) for case in left
-        ):
-            outcomes.append(outcome)
-            file.write(json.dumps(asdict(outcome)) + "\n")
-            file.flush()
-            print(f"{len(outcomes)}/{len(cases)}", *asdict(outcome).values(), flush=True)
+    outcomes = resumed(said.results, Outcome, cases, run, said.jobs)
     for kind in said.only:
         of = [outcome for outcome in outcomes if outcome.kind == kind]
         print(kind, f"right: {sum(o.right for o in of)} of {len(of)}")
