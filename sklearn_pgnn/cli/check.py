@@ -15,14 +15,14 @@ from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.inputs import open_model
 from sklearn_pgnn.cli.tables import heading, print_findings, print_table, say, screen
 from sklearn_pgnn.exceptions import ModelWarning, RecordWarning, code_of
-from sklearn_pgnn.inspection.first_look import FirstLook, first_look
+from sklearn_pgnn.inspection.first_look import FirstLook, first_look, told_table
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
-from sklearn_pgnn.inspection.numbers import fit_text, measured, number
+from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.result_files import as_strict_json
 from sklearn_pgnn.physics.channel_kinds import in_words
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import finding_of
-from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability, percent
+from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability
 from sklearn_pgnn.record_quality.joint_torques import has_several_joints
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.files import open_file
@@ -140,12 +140,7 @@ def _print_told(console: Console, told: Identifiability) -> None:
     if not (told.parameters or told.remarks):
         return
     heading(console, "What these records can tell")
-    rows = (
-        (p.name, measured(e.value, e.low, e.high, e.unit), percent(p.half_width), p.verdict)
-        for p, e in ((p, p.estimate) for p in told.parameters)
-    )
-    title = "if the model were right" if told.is_doubtful else "identifiable"
-    print_table(console, ("", "fitted (95 % interval)", "", title), rows)
+    print_table(console, *told_table(told))
     for remark in told.remarks:
         say(console, remark)
 

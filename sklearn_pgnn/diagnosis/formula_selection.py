@@ -146,7 +146,10 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
         return False
     left, less = (search.fitter.held_out(each).windows for each in (final, trial))
     explained = explained_share(left, less)
-    if explained < 1.0 - 1.0 / MUCH**2 and _leaves_more(search, trial):
+    compare = search.compare
+    if explained < 1.0 - 1.0 / MUCH**2 and (
+        compare.leaves_much(trial) or (compare.is_nameable(trial) and search.has_structure(trial))
+    ):
         return False
     n_terms, count = len(formula.effect.terms), trial.hypothesis.n_parameters
     if count < final.hypothesis.n_parameters and n_terms <= len(final.hypothesis.causes):
@@ -155,9 +158,3 @@ def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypoth
             return True
     more = explained >= search.criterion.smallest_share
     return more and search.compare.refutes(trial, final)
-
-
-def _leaves_more(search: Search, trial: FittedHypothesis) -> bool:
-    """Return whether a hypothesis leaves far more than noise, or what depends on the records."""
-    is_much = search.compare.leaves_much(trial)
-    return is_much or (search.compare.is_nameable(trial) and search.has_structure(trial))

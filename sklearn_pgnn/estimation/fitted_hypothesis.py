@@ -38,10 +38,7 @@ class FittedHypothesis:
     @property
     def times_noise(self) -> float:
         """Root mean square residual in units of the noise; infinite if it cannot be fitted."""
-        if not self.fit.usable:
-            return np.inf
-        evaluation = self.fit.evaluation
-        return float(np.sqrt(evaluation.squares.sum() / np.isfinite(evaluation.residual).sum()))
+        return self.fit.times_noise
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ from sklearn_pgnn.simulation.record_windows import (
     cut_exactly,
     median_window_length,
     record_durations,
+    sample_steps,
     window_records,
 )
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
@@ -268,8 +269,6 @@ def _thinning(problem: EstimationProblem) -> int:
 def _scales(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> Scales:
     """Measure the signals."""
     firsts, lasts = windows.bounds[:-1], windows.bounds[1:] - 1
-    steps = [np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)]
-    sample_time = float(np.median(np.concatenate(steps)))
     table = {name: x[:, i] for i, name in enumerate(model.states)}
     samples = sample_table(model, windows, x)
     for name, signal in signals_at_ports(model).items():
@@ -282,7 +281,7 @@ def _scales(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> Sca
         typical={name: _positive(np.nanstd(values)) for name, values in table.items()},
         peak={name: _positive(np.nanmax(np.abs(values))) for name, values in table.items()},
         rate={name: _positive(value) for name, value in rate.items()},
-        sample_time=sample_time,
+        sample_time=float(np.median(sample_steps(windows))),
         window=median_window_length(windows),
         duration=float(np.max(windows.t[lasts] - windows.t[firsts])),
         latest=float(np.abs(windows.t).max()),

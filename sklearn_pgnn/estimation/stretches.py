@@ -51,7 +51,8 @@ def telling_stretches(
     spans = list(_spans([record.t.size for record in records], factor * size))
     errors = _errors(problem)
     offsets = problem.windows.bounds
-    told = [_mean_of(errors, offsets[r] + a, offsets[r] + b) for r, a, b in spans]
+    parts = [errors[offsets[r] + a : offsets[r] + b] for r, a, b in spans]
+    told = [float(part.mean()) if part.size else 0.0 for part in parts]
     lengths = np.array([math.ceil((b - a) / factor) for _, a, b in spans])
     chosen = np.sort(_choose(np.array(told), lengths))
     hold = problem.windows.hold
@@ -73,10 +74,6 @@ def _errors(problem: EstimationProblem) -> np.ndarray:
     squares = evaluate(model, windows, x0, ()).squares / windows.lengths
     large = np.log1p(np.where(np.isfinite(squares), squares, np.inf).clip(max=1e300))
     return np.repeat(large, windows.lengths)
-
-
-def _mean_of(errors: np.ndarray, a: int, b: int) -> float:
-    return float(errors[a:b].mean()) if errors[a:b].size else 0.0
 
 
 def _choose(told: np.ndarray, lengths: np.ndarray) -> np.ndarray:

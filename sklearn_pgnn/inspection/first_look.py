@@ -7,11 +7,12 @@ from itertools import pairwise
 import numpy as np
 
 from sklearn_pgnn.exceptions import SimulationWarning, code_of
-from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.numbers import measured, number
 from sklearn_pgnn.inspection.runs import fit_percentage, run_from_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.checks import find_repeats
 from sklearn_pgnn.record_quality.finding import Finding, finding_of
+from sklearn_pgnn.record_quality.identifiability import Identifiability, percent
 from sklearn_pgnn.record_quality.wiring import find_wiring
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
@@ -250,3 +251,13 @@ def _odd(model, records, outputs) -> list[Finding]:
         for o in outputs
         if o.fit < 0
     ]
+
+
+def told_table(told: Identifiability) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return the titles and rows of a table of what records tell of every parameter."""
+    title = "if the model were right" if told.is_doubtful else "identifiable"
+    rows: list[tuple[str, ...]] = [
+        (p.name, measured(e.value, e.low, e.high, e.unit), percent(p.half_width), p.verdict)
+        for p, e in ((p, p.estimate) for p in told.parameters)
+    ]
+    return ("", "fitted (95 % interval)", "half-width", title), rows

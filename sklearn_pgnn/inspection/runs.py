@@ -105,7 +105,10 @@ def run_estimators(estimator, X=None, y=None) -> Runs:
     several = dict(estimator) if isinstance(estimator, Mapping) else {"": estimator}
     model = _model_of(next(iter(several.values())))
     records = read_records(model, X, y)
-    simulated = {name or _name_of(each): _run(each, X, records) for name, each in several.items()}
+    simulated = {}
+    for name, each in several.items():
+        called = each.name if isinstance(each, PhysicsModel) else type(each).__name__
+        simulated[name or called] = _run(each, X, records)
     return Runs(
         model,
         tuple(record.name for record in records),
@@ -155,7 +158,3 @@ def _model_of(estimator) -> PhysicsModel:
         f"estimator: expected a PhysicsModel, or an estimator or pipeline with one as its model, "
         f"got {type(estimator).__name__}."
     )
-
-
-def _name_of(estimator) -> str:
-    return estimator.name if isinstance(estimator, PhysicsModel) else type(estimator).__name__

@@ -8,8 +8,9 @@ import numpy as np
 from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.finding import listed
-from sklearn_pgnn.record_quality.information import Told, can_be_finer, finer, sample_steps, tell
+from sklearn_pgnn.record_quality.information import Told, can_be_finer, finer, tell
 from sklearn_pgnn.record_quality.lags import FoundLag, find_lags
+from sklearn_pgnn.simulation.record_windows import sample_steps
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate, estimate_of
 from sklearn_pgnn.trajectories import read_records
 
@@ -33,10 +34,9 @@ LONGER = 10.0
 class ToldParameter:
     """What records tell of one parameter.
 
-    The `estimate` has the 95 % interval that a fit would give; `half_width` is that of the interval
-    as a share of the value, infinite where nothing is told. The verdict is ``"identifiable"`` (less
-    than 0.2), ``"weak"`` (up to 1) or ``"not"``; then `reason` says why, `collinear_with` names the
-    parameters that would have to be known, and `remedy` says what would help.
+    The `half_width` is that of the 95 % interval that a fit would give, as a share of the value,
+    infinite where nothing is told. The verdict is ``"identifiable"`` (less than 0.2), ``"weak"``
+    (up to 1) or ``"not"``; the parameters that it is `collinear_with` would have to be known.
     """
 
     name: str

@@ -20,7 +20,6 @@ from sklearn_pgnn.simulation.record_windows import (
     without_gaps,
 )
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, invert, standard_errors, trusted_spread
-from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.record import Record
 
@@ -30,10 +29,9 @@ TOLERANCE, ORDERED = 1e-5, 1e-8
 
 @dataclass(frozen=True)
 class Told:
-    """What records tell of the parameters of a fit, which has one of `every` windows.
+    """What records tell of the parameters of a fit to one of `every` windows, relative to `size`.
 
-    All is relative to the `size` of each parameter. Standard `errors` are infinite where nothing is
-    told; `begun` are the windows in the steps that the given values need.
+    Standard `errors` are infinite where nothing is told; `begun` has the steps of given values.
     """
 
     found: ParameterFit
@@ -46,7 +44,7 @@ class Told:
     @property
     def times_noise(self) -> float:
         """What the fit leaves, in units of the noise; infinite where it diverges."""
-        return times_noise(self.found.fit)
+        return self.found.fit.times_noise
 
     @cached_property
     def information(self) -> np.ndarray:
@@ -135,17 +133,6 @@ def hurry() -> Callable[[], bool]:
     """Return what says, from now on, whether the time for a fit is over."""
     end = process_time() + HURRY
     return lambda: process_time() > end
-
-
-def times_noise(fit: WindowFit) -> float:
-    """Return what a fit leaves, in units of the noise; infinite where it diverges."""
-    count = max(int(np.isfinite(fit.evaluation.residual).sum()), 1)
-    return float(np.sqrt(fit.squares / count)) if fit.usable else np.inf
-
-
-def sample_steps(windows: ShootingWindows) -> np.ndarray:
-    """Return the sample intervals of all records [s]."""
-    return np.concatenate([np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)])
 
 
 def can_be_finer(windows: ShootingWindows, times: int) -> bool:

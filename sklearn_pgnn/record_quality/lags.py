@@ -8,23 +8,18 @@ times of which the output then is.
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import t as student
 
 from sklearn_pgnn.estimators.parameter_search import ParameterFit
-from sklearn_pgnn.record_quality.information import (
-    can_be_finer,
-    finer,
-    hurry,
-    sample_steps,
-    times_noise,
-)
+from sklearn_pgnn.record_quality.information import can_be_finer, finer, hurry
 from sklearn_pgnn.record_quality.limits import ALPHA, STEPS
 from sklearn_pgnn.record_quality.refits import is_better, leaves_noise
 from sklearn_pgnn.simulation.normal_equations import normal_equations
-from sklearn_pgnn.simulation.record_windows import cut, median_window_length
+from sklearn_pgnn.simulation.record_windows import cut, median_window_length, sample_steps
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, correlations, invert, standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
@@ -44,10 +39,9 @@ REGULAR = 0.01
 
 @dataclass(frozen=True)
 class FoundLag:
-    """An output that comes later than the model says, or earlier where `lag` is negative.
+    """An output that comes later than the model says by a lag [s], or earlier where it is negative.
 
-    The lag is in seconds, with a 95 % interval, and in `samples`; the `confused_with` parameters
-    may stand for it.
+    It has a 95 % interval; the parameters that it is `confused_with` may stand for it.
     """
 
     output: str
@@ -73,7 +67,7 @@ def find_lags(found: ParameterFit) -> tuple[FoundLag, ...]:
     fit, lags, errors = search.run()
     if fit is None:
         return ()
-    without = min((search.at(none, begun) for begun in search.begun), key=times_noise)
+    without = min((search.at(none, begun) for begun in search.begun), key=attrgetter("times_noise"))
     if not (without.usable and is_better(without, fit, len(which))):
         return ()
     if not leaves_noise(search.moved(none, search.parts), fit, without):
@@ -138,8 +132,8 @@ class _Search:
             fit = self.at(shift, fit)
             if self.is_late():
                 break
-            if times_noise(fit) < least:
-                least, known = times_noise(fit), self._left(shift, fit)
+            if fit.times_noise < least:
+                least, known = fit.times_noise, self._left(shift, fit)
                 moves = np.rint(np.where(known.is_clear, known.left, 0.0) / self.part)
                 if moves.any():
                     shift = shift + moves.clip(-FARTHEST * self.parts, FARTHEST * self.parts)
@@ -148,8 +142,8 @@ class _Search:
             if known is None:
                 break
             near = [(known.shift + by, self.at(known.shift + by, known.fit)) for by in self._near()]
-            shift, fit = min(near, key=lambda each: times_noise(each[1]))
-            if not times_noise(fit) < least:
+            shift, fit = min(near, key=lambda each: each[1].times_noise)
+            if not fit.times_noise < least:
                 left = np.where(known.is_clear, known.left.clip(-self.part, self.part), known.left)
                 values = known.shift * self.part + left
                 return known.more, values, np.hypot(known.errors, FINEST * self.part)
@@ -180,7 +174,7 @@ class _Search:
             if not self.is_late():
                 fit = self.at(none + samples, self.begun[1], parts=1)
                 tried.append((none + samples * self.parts, fit))
-        return min(tried, key=lambda each: times_noise(each[1]))
+        return min(tried, key=lambda each: each[1].times_noise)
 
     def at(self, shift: np.ndarray, fit: WindowFit, parts: int | None = None) -> WindowFit:
         """Fit to outputs that are moved to earlier times by so many parts of a sample."""

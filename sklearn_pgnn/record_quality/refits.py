@@ -203,11 +203,8 @@ def find_early_output(
     held = (replace(problem.windows, hold=hold) for hold in ("zoh", "foh"))
     leads = [_best_lead(problem, base, windows, each_step) for windows in held]
     lead, best = min(leads, key=lambda found: found[1].objective)
-    if (
-        lead < 1
-        or not is_better(final, best, 1)
-        or not (leaves_noise(problem.windows, best, final))
-    ):
+    is_found = lead >= 1 and is_better(final, best, 1)
+    if not is_found or not leaves_noise(problem.windows, best, final):
         return None
     ahead = lead * problem.scales.sample_time
     count = "1 sample" if lead == 1 else f"{lead} samples"

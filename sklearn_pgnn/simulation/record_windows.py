@@ -237,6 +237,11 @@ def record_durations(windows: ShootingWindows) -> np.ndarray:
     return _durations(windows.t, windows.bounds[:-1], np.diff(windows.bounds))
 
 
+def sample_steps(windows: ShootingWindows) -> np.ndarray:
+    """Return the sample intervals of all records [s]."""
+    return np.concatenate([np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)])
+
+
 def median_window_length(windows: ShootingWindows) -> float:
     """Return the median length of windows [s], each on its own record's clock."""
     return float(np.median(_durations(windows.t, windows.starts, windows.lengths)))

@@ -79,6 +79,12 @@ class WindowFit:
         return float(self.evaluation.squares.sum())
 
     @property
+    def times_noise(self) -> float:
+        """Root mean square residual in units of the noise; infinite if it cannot be fitted."""
+        count = max(int(np.isfinite(self.evaluation.residual).sum()), 1)
+        return float(np.sqrt(self.squares / count)) if self.usable else np.inf
+
+    @property
     def values(self) -> np.ndarray:
         """Fitted values of the free parameters."""
         return _values(self.model, self.freedoms)

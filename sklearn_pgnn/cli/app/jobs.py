@@ -21,8 +21,8 @@ from sklearn_pgnn.datasets import make_cart
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import ModelError, ModelWarning
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.first_look import FirstLook, SeenRecord, first_look
-from sklearn_pgnn.inspection.numbers import fit_text, measured, number, typeset_unit
+from sklearn_pgnn.inspection.first_look import FirstLook, SeenRecord, first_look, told_table
+from sklearn_pgnn.inspection.numbers import fit_text, number, typeset_unit
 from sklearn_pgnn.inspection.report import Provenance, SourceFile
 from sklearn_pgnn.inspection.report.curves_section import in_sight, input_plot
 from sklearn_pgnn.inspection.report.finding import next_step, title, verdict_line
@@ -34,7 +34,7 @@ from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.physics.effects import CoulombFriction
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import robot_in
-from sklearn_pgnn.record_quality.identifiability import identifiability, percent
+from sklearn_pgnn.record_quality.identifiability import identifiability
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.record import Record
@@ -64,10 +64,7 @@ def draw_look(model: PhysicsModel, X: Table, y: Table) -> str:
             }
             for o in seen.outputs
         ],
-        told=[
-            (p.name, measured(e.value, e.low, e.high, e.unit), percent(p.half_width), p.verdict)
-            for p, e in ((p, p.estimate) for p in told.parameters)
-        ],
+        told=told_table(told),
         remarks=told.remarks,
         records=[
             {
