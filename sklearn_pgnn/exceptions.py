@@ -35,7 +35,7 @@ class RecordError(ValueError):
     --------
     >>> from sklearn_pgnn import systems, trajectories
     >>> try:
-    ...     trajectories.read_csv("forgotten.csv", systems.cart_on_spring())
+    ...     trajectories.read_file("forgotten.csv", systems.cart_on_spring())
     ... except RecordError as error:
     ...     print(error)
     forgotten.csv:1: expected a CSV file, got: No such file...

@@ -8,7 +8,7 @@ from mechanisms import integrate
 from sklearn_pgnn import ModelDiagnosis, PhysicsModelRegressor, effects
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.physics import Parameter, PhysicsModel
-from sklearn_pgnn.trajectories.csv_file import read_csv_files
+from sklearn_pgnn.trajectories import read_files
 from sklearn_pgnn.trajectories.reader import read_records
 
 
@@ -33,7 +33,7 @@ def emps_files(real_data):
 
 @pytest.mark.slow
 def test_emps_is_read_as_two_records(emps, emps_files):
-    X, y = read_csv_files(emps_files, emps)
+    X, y = read_files(emps_files, emps)
     assert list(X) == ["trajectory", "t", "tau"]
     assert list(y) == ["q_m"]
     records = read_records(emps, X, y)
@@ -45,7 +45,7 @@ def test_emps_is_read_as_two_records(emps, emps_files):
 
 
 def test_emps_numbers_are_those_in_the_file(emps, emps_files):
-    X, y = read_csv_files(emps_files, emps)
+    X, y = read_files(emps_files, emps)
     for path, rows in zip(
         emps_files, X.groupby("trajectory", sort=False).groups.values(), strict=True
     ):
@@ -60,7 +60,7 @@ def test_emps_has_the_published_mass_and_friction(emps, emps_files):
 
     .. math:: M\,\Delta v + F_v\,\Delta q + F_c \int \mathrm{sign}(v)\,dt + F_0\,T = \int \tau\,dt
     """
-    X, y = read_csv_files(emps_files[:1], emps)
+    X, y = read_files(emps_files[:1], emps)
     q, tau, step = y["q_m"].to_numpy(), X["tau"].to_numpy(), 1e-3
     v = np.convolve(q, [1, *[0] * 19, -1], "same") / (20 * step)
 
@@ -184,7 +184,7 @@ def test_the_scale_of_the_tanks_sensor_is_bent(real_data):
 
 def diagnosed(folder, model="model.yaml", records="train*.csv", **options):
     prior = PhysicsModel.from_yaml(folder / model)
-    X, y = read_csv_files(sorted(folder.glob(records)), prior)
+    X, y = read_files(sorted(folder.glob(records)), prior)
     return ModelDiagnosis(prior, **options).fit(X, y)
 
 
@@ -229,7 +229,7 @@ def test_bouc_wen_is_named_and_predicts_the_test_signals_of_the_benchmark(real_d
     Its test signals are a multisine of 5 to 150 Hz and 50 N, and a sweep from 20 to 50 Hz of 40 N.
     """
     model = PhysicsModel.from_yaml(real_data / "bouc_wen" / "bw.yaml")
-    X, y = read_csv_files([real_data / "bouc_wen" / "train_short.csv"], model)
+    X, y = read_files([real_data / "bouc_wen" / "train_short.csv"], model)
     catalogue = ["hysteretic_spring", "hysteresis", "cubic_stiffness", "coulomb_friction"]
     found = ModelDiagnosis(model, catalogue=catalogue, n_jobs=1).fit(X[:2048], y[:2048])
     assert [cause.effect for cause in found.causes_] == ["hysteretic_spring"]

@@ -6,7 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.physics.effects.differences import AND, DIFFERENCES, IN, SINCE, TREND, Difference
+from sklearn_pgnn.physics.effects.differences import (
+    ALL,
+    AND,
+    DIFFERENCES,
+    IN,
+    SINCE,
+    TREND,
+    Difference,
+    cleaned,
+)
 from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.record import Record
@@ -70,10 +79,10 @@ def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> s
     """Return a name for a group: that of its records, if these are short, and its onset."""
     if group.since is None and len(group.records) == len(records):
         return TREND
-    names = [re.sub(r"\W+", "_", records[r].name) for r in group.records]
+    names = [cleaned(records[r].name) for r in group.records]
     name = IN + AND.join(names)
     if len(names) == len(records):
-        name = f"{IN}all"
+        name = f"{IN}{ALL}"
     elif len(name) > LONGEST:
         name = f"{IN}group_{len(model.inputs)}"
     if group.since is None:

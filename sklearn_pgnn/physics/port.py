@@ -135,13 +135,10 @@ class Port:
         """Return a model's energy with the power of a resisting effort."""
         energy = dict(model.energy)
         if energy and self.is_power(model):
-            taken = self._taken(energy["stored"]) if self._is_store(model, energy) else self.flow
+            is_store = set(map(str, self.flow.free_symbols)) <= set(model.capacity)  # its content
+            taken = self._taken(energy["stored"]) if is_store and "stored" in energy else self.flow
             energy["dissipated"] = energy.get("dissipated", 0) + effort * taken
         return energy
-
-    def _is_store(self, model: PhysicsModel, energy: Mapping[str, sympy.Expr]) -> bool:
-        """Return whether the flow tells the content of a store, such as a temperature."""
-        return "stored" in energy and set(map(str, self.flow.free_symbols)) <= set(model.capacity)
 
     def _taken(self, stored: sympy.Expr) -> sympy.Expr:
         r"""Return what a unit of effort takes from what is stored, :math:`\sum_i b_i E_{x_i}`."""

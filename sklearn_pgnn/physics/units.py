@@ -47,12 +47,9 @@ def unit_text(quantity: "Quantity") -> str:
     """
     known = next((text for text in _COMMON if is_like(read_unit(text), quantity)), None)
     scaled = [] if abs(quantity.magnitude - 1) < _SMALL else [f"{quantity.magnitude:.4g}"]
-    return " ".join([*scaled, *([known] if known else _base_units(quantity))]) or "no unit"
-
-
-def _base_units(quantity: "Quantity") -> list[str]:
     names: dict[str, Any] = {f"{_registry().Unit(n):~}": p for n, p in quantity.unit_items()}
-    return [n if p == 1 else f"{n}^{p:g}" for n, p in sorted(names.items()) if abs(p) > _SMALL]
+    base = [n if p == 1 else f"{n}^{p:g}" for n, p in sorted(names.items()) if abs(p) > _SMALL]
+    return " ".join([*scaled, *([known] if known else base)]) or "no unit"
 
 
 def is_like(one: "Quantity | None", other: "Quantity | None") -> bool:

@@ -141,7 +141,10 @@ class _Search:
                     continue
             if known is None:
                 break
-            near = [(known.shift + by, self.at(known.shift + by, known.fit)) for by in self._near()]
+            moves = np.eye(len(self.which)) * max(1, self.parts // 4)  # a step may end at a corner
+            near = [
+                (shift, self.at(shift, known.fit)) for shift in known.shift + np.r_[moves, -moves]
+            ]
             shift, fit = min(near, key=lambda each: each[1].times_noise)
             if not fit.times_noise < least:
                 left = np.where(known.is_clear, known.left.clip(-self.part, self.part), known.left)
@@ -160,11 +163,6 @@ class _Search:
         model = fit.model.with_parameters(**dict(zip(self.names, values, strict=True)))
         errors = np.array(list(found.values()))[n_p:]
         return _Left(shift, fit, more, change[n_p:], errors, replace(fit, model=model))
-
-    def _near(self) -> np.ndarray:
-        """Return moves of each output by some parts: a linear step may end at a corner."""
-        by = np.eye(len(self.which)) * max(1, self.parts // 4)
-        return np.concatenate([by, -by])
 
     def _first(self) -> tuple[np.ndarray, WindowFit]:
         """Return the lag of all outputs, in whole samples, with which a fit is best."""

@@ -131,9 +131,4 @@ def _alternates(piece: np.ndarray, times: np.ndarray) -> np.ndarray:
     pairs = np.column_stack([steps[:-1], steps[1:]])
     blocks = np.array_split(pairs, max(1, len(pairs) // BLOCK))
     long = (block.T for block in blocks if len(block) >= 8)
-    return np.array([_correlation(*block) < NOISE_LIKE for block in long])
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    power = np.sqrt(np.sum(a**2) * np.sum(b**2))
-    return float(np.sum(a * b) / power) if power > 0 else 0.0
+    return np.array([a @ b < NOISE_LIKE * np.sqrt((a @ a) * (b @ b)) for a, b in long])

@@ -35,7 +35,7 @@ class CellTable(FileTable):
         self.header = [_text(cell) for cell in rows[start]]
         self.header_line = lines[start]
         self.rows, self.lines = rows[start + 1 :], lines[start + 1 :]
-        while self.rows and (_is_empty(self.rows[-1]) or _is_told(self.rows[-1])):
+        while self.rows and (_is_empty(self.rows[-1]) or _is_text(self.rows[-1])):
             if not _is_empty(self.rows[-1]):
                 self.tell_left_out(self.lines[-1], self.rows[-1])
             del self.rows[-1], self.lines[-1]
@@ -59,7 +59,9 @@ class CellTable(FileTable):
     def take_units(self) -> None:
         """Take the rows without any number under the header: units, and what else they tell."""
         below = 0
-        while below < min(BELOW, len(self.rows)) and _is_told(self.rows[below]):
+        while below < min(BELOW, len(self.rows)) and (
+            _is_text(row := self.rows[below]) or (_is_told(row) and _are_units(row))
+        ):
             below += 1
         units = next((row for row in self.rows[:below] if _are_units(row)), None)
         for line, row in zip(self.lines[:below], self.rows[:below], strict=True):
@@ -176,6 +178,11 @@ def _is_told(row: Sequence[Any]) -> bool:
     ones = all(_text(cell) == "1" for cell in numbers)
     fewer = 2 * len(numbers) < len(told)
     return ones and fewer and not any(_is_sample(cell) for cell in told)
+
+
+def _is_text(row: Sequence[Any]) -> bool:
+    """Whether a row has texts, and not even a 1."""
+    return _is_told(row) and not any(_text(cell) == "1" for cell in row)
 
 
 def _is_sample(cell: Any) -> bool:

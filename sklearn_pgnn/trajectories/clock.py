@@ -123,14 +123,10 @@ def other_unit(t: np.ndarray) -> str:
     if not t[0] < t[-1] <= t[0] + 0.1 * t.size:
         return ""
     step = float(t[-1] - t[0]) / (t.size - 1)
-    unsure = (_last_place(t) + 2 * float(np.spacing(t[-1]))) / (t.size - 1)
+    places = (10.0**-k for k in range(12) if np.allclose(np.round(t, k), t, 0, 1e-11))
+    unsure = (next(places, 1e-11) + 2 * float(np.spacing(t[-1]))) / (t.size - 1)
     days = _is_round(86_400 * step, 86_400 * unsure) and not _is_round(step, unsure)
     return "d" if days or step < FASTEST else ""
-
-
-def _last_place(t: np.ndarray) -> float:
-    """Return the last decimal place of numbers."""
-    return next((10.0**-k for k in range(12) if np.allclose(np.round(t, k), t, 0, 1e-11)), 1e-11)
 
 
 def _is_round(step: float, unsure: float) -> bool:

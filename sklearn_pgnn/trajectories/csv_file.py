@@ -3,9 +3,6 @@
 import csv
 import os
 import re
-from collections.abc import Iterable
-
-import pandas as pd
 
 from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.exceptions import RecordWarning
@@ -13,7 +10,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.cell_table import HEAD, CellTable, quantities_in, wanted_names
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.file_text import read_text, refuse_file
-from sklearn_pgnn.trajectories.several_files import read_each
 from sklearn_pgnn.user_line import warn_user
 
 #: separators, the first of several that suit; two blanks leave names with one
@@ -42,104 +38,9 @@ _WIDTHS = {
 _TOLD = re.compile(r"sep=(.)\s*")
 
 
-def read_csv(
-    path: FilePath, model: PhysicsModel, sample_time: float | None = None
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    r"""Read a CSV file as the X and y of a model.
-
-    The separator (comma, semicolon, tab, bar, blanks) is that with which the header names most of
-    the model's columns; lines above the header, and those that begin with ``#``, ``%``, ``!`` or
-    ``//``, are left out. Numbers have a decimal point or comma, and may have separators of
-    thousands. A header may carry its unit, as in ``torque [N m]``, ``torque / N m`` or ``torque in
-    N m``, or a row below or above it has the units: a unit other than the model's is converted, or
-    refused if it measures a different quantity. The time is in seconds, or in dates such as
-    ``2026-01-31 12:00:00.005`` and ``31.01.2026 12:00``, or times of day such as ``12:00:00.005``,
-    which count from each trajectory's first sample. A row that repeats the one before is left out,
-    as is the first of two rows at one time, as simulation tools write steps. A file is one record,
-    or several if it has a column ``trajectory``. It may be packed (``.gz``, ``.bz2``, ``.xz``,
-    ``.zip`` of one file).
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-    model : PhysicsModel
-        Defines the columns; its `columns` give their names in the file.
-    sample_time : float, optional
-        Sample interval [s] of a file without a time; it overrides the time of one that has it.
-
-    Returns
-    -------
-    X : DataFrame
-        ``trajectory`` (by default the file's stem), ``t``, the inputs, and the states that the
-        file has, under the model's own names.
-    y : DataFrame
-        The outputs under the model's own names, NaN where there is no value.
-
-    Raises
-    ------
-    RecordError
-        If the file cannot be read or is not a valid record: ``FILE:LINE: what``.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder, "run.csv")
-    ...     _ = path.write_text("t;u [V];y\n0;1,5;0\n1;1,5;0,6\n2;1,5;0,9\n3;1,5;1,2\n")
-    ...     X, y = read_csv(path, lag)
-    >>> X["u"].tolist(), y["y"].tolist()
-    ([1.5, 1.5, 1.5, 1.5], [0.0, 0.6, 0.9, 1.2])
-    """
-    return open_csv(path, model, sample_time).read()
-
-
 def open_csv(path: FilePath, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
     """Open a CSV file to inspect its header and columns."""
     return _CsvTable(os.fspath(path), model, sample_time)
-
-
-def read_csv_files(
-    paths: Iterable, model: PhysicsModel, sample_time: float | None = None
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    r"""Read several CSV files as one X and y; every file is at least one trajectory.
-
-    Parameters
-    ----------
-    paths : iterable of str or path-like
-        The files.
-    model : PhysicsModel
-        Defines the columns; its `columns` give their names in the files.
-    sample_time : float, optional
-        Sample interval [s] of files without a time; it overrides the time of those that have it.
-
-    Returns
-    -------
-    X : DataFrame
-        As returned by `read_csv`; ``trajectory`` holds the file's stem, made unique.
-    y : DataFrame
-        The outputs.
-
-    Raises
-    ------
-    RecordError
-        As raised by `read_csv`, or if there is no file.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder, "run.csv")
-    ...     _ = path.write_text("t,y\n0,1\n1,0.6\n2,0.4\n3,0.2\n")
-    ...     X, y = read_csv_files([path, path], lag)
-    >>> X["trajectory"].unique().tolist()
-    ['run', 'run-2']
-    """
-    return read_each(open_csv, paths, model, sample_time)
 
 
 class _CsvTable(CellTable):

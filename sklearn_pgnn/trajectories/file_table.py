@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
-from sklearn_pgnn.physics.effects.differences import is_mark, where_of
+from sklearn_pgnn.physics.effects.differences import is_mark, mark_by_name, values_of
 from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.unit_check import output_measure
@@ -50,6 +50,8 @@ from sklearn_pgnn.user_line import warn_user
 
 #: units of time, other than the second, in which a column's name may end
 TIMES = ("ms", "us", "ns", "min", "h")
+#: name of a file that is no record: a row for every file, or folder, with what holds throughout
+CONDITIONS = "conditions"
 #: names of the time in files, other than t
 TIME_NAME = "time"
 #: remedy for a file without a time
@@ -80,6 +82,8 @@ class FileTable(ABC):
         self.path, self.model, self.sample_time = path, model, sample_time
         #: units in a row under the header, by column
         self.units: dict[int, str] = {}
+        #: inputs that a table of conditions gives for this file
+        self.conditions: dict[str, float] = {}
         self._dates: dict[int, pd.Series | None] = {}
         if sample_time is not None:
             check_sample_interval(sample_time, "sample_time")
@@ -132,7 +136,7 @@ class FileTable(ABC):
         model = self.model
         names = self.trajectories()
         t = self.times(names)
-        inputs = {name: self.finite(name) for name in model.inputs}
+        inputs = {name: self.input(name, names, t) for name in model.inputs}
         outputs = {
             name: self.output(name, needs_outputs)
             for name in model.outputs or ()
@@ -181,6 +185,7 @@ class FileTable(ABC):
         model = self.model
         taken = {self.find(n) for n in (TIME, TRAJECTORY, *model.inputs, *model.states)}
         taken |= {self.find(n) for n in model.outputs or ()}
+        taken |= {0} if stem(self.path).lower() == CONDITIONS else set()  # which names the files
         free = [text for k, text in enumerate(self.header) if k not in taken]
         return dict(map(split_title, free))
 
@@ -195,9 +200,11 @@ class FileTable(ABC):
             )
         if name not in near:
             if is_mark(self.model, name):
-                return f"add it to the file: 1 {where_of(name)}, and 0 elsewhere.{last}"
+                return f"add it to the file, {values_of(name)}, or to a table {CONDITIONS}.csv."
+            table = f", or to a table {CONDITIONS}.csv if it is the same all through a file"
+            table = table if name in self.model.inputs else ""
             without = "." if name == TIME else ", or take it out of the model."
-            return f"add it to the file{without}{last}"
+            return f"add it to the file{table}{without}{last}"
         first = {name: near.pop(name), **near}
         columns = ", ".join(f"{own}: {self.with_unit(own, first[own])}" for own in first)
         return (
@@ -235,7 +242,8 @@ class FileTable(ABC):
         names = (*self.model.inputs, *(self.model.outputs or ()))
         if self.sample_time is None:
             names = (TIME, *names)
-        return {name: self.wanted_unit(name) for name in names if self.find(name) is None}
+        missing = (name for name in names if self.find(name) is None)
+        return {name: self.wanted_unit(name) for name in missing if name not in self.conditions}
 
     def called(self, name: str) -> tuple[str, ...]:
         """Return the possible names of a quantity in a file."""
@@ -437,6 +445,25 @@ class FileTable(ABC):
                 self.header[k],
             )
         return values
+
+    def knows(self, name: str) -> bool:
+        """Return whether an input without a column is a condition of the file, or a mark."""
+        is_known = name in self.conditions or is_mark(self.model, name)
+        return is_known and self.find(name) is None
+
+    def input(self, name: str, names: list[str], t: np.ndarray) -> np.ndarray:
+        """Read an input: a column, a condition of the file, or a mark by the record's name."""
+        if not self.knows(name):
+            return self.finite(name)
+        if name in self.conditions:
+            return np.full(self.size, self.conditions[name])
+        file, marks = stem(self.path), np.zeros(self.size)
+        for own, rows in split_rows(t, names) if self.size else ():
+            told = mark_by_name(name, (file, own, f"{file}/{own}"), t[rows] - t[rows[0]])
+            if told is None:
+                self.column(name)  # which refuses it
+            marks[rows] = told
+        return marks
 
     def output(self, name: str, needed: bool = True) -> np.ndarray:
         """Read a column that, where it is needed, has a number in some row."""

@@ -44,7 +44,9 @@ def read_file(
     ``pip install "sklearn-pgnn[files]"``. ``.mf4`` and ``.mdf`` (extra ``mdf``), and ROS bags
     (extra ``ros``), a ``.bag``, ``.mcap`` or ``.db3`` or the folder of ROS 2, hold channels with
     separate clocks: there is a row wherever an output was measured, with NaN in the other outputs,
-    and inputs have their mean until the next row. Any other file is read as CSV, see `read_csv`.
+    and inputs have their mean until the next row. Any other file is read as CSV: the separator is
+    that with which the header names most of the model's columns, headers may carry units, decimals
+    points or commas, and the time is in seconds, dates or times of day; see :ref:`files`.
 
     Parameters
     ----------
@@ -107,6 +109,9 @@ def read_files(
     paths: Iterable, model: PhysicsModel, sample_time: float | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     r"""Read several files as one X and y; every file is at least one trajectory.
+
+    A file ``conditions.csv`` among them, or of another kind, is no record, but a table of inputs
+    that are the same all through a record: its first column names files, or folders of files.
 
     Parameters
     ----------
@@ -200,7 +205,7 @@ class _ChannelTable(_FrameTable):
         """The channels that the model needs, in one table."""
         model = self.model
         measured = [name for name in model.outputs if self.find(name) is not None]
-        inputs = self._titles(model.inputs)
+        inputs = self._titles(name for name in model.inputs if not self.knows(name))
         outputs = self._titles(measured or [] if inputs else model.outputs)
         known = [name for name in model.states if self.find(name) is not None]
         states = [title for title in self._titles(known) if title not in (*inputs, *outputs)]

@@ -120,22 +120,8 @@ def read_records(
 
 
 def split_rows(t: np.ndarray, names: ArrayLike | None = None) -> list[tuple[str, np.ndarray]]:
-    """Find the trajectories of a table.
+    """Return name and rows of every trajectory: by default one begins where time does not increase.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s].
-    names : array-like of shape (n_samples,), optional
-        Trajectory of every row; by default a new one begins wherever time does not increase.
-
-    Returns
-    -------
-    list of (str, ndarray)
-        Name and row numbers of every trajectory, in the order of their first rows.
-
-    Examples
-    --------
     >>> [rows.tolist() for _, rows in split_rows(np.array([0.0, 1.0, 0.0, 1.0]))]
     [[0, 1], [2, 3]]
     """
@@ -150,20 +136,7 @@ def split_rows(t: np.ndarray, names: ArrayLike | None = None) -> list[tuple[str,
 
 
 def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray:
-    """Put values that were computed record by record back into the order of the table.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Records as returned by `read_records`.
-    values : ndarray of shape (n_samples, ...)
-        One value per sample, record after record.
-
-    Returns
-    -------
-    ndarray of shape (n_samples, ...)
-        The values in the order of the table's rows.
-    """
+    """Put values that were computed record by record back into the order of the table."""
     ordered = np.empty_like(values)
     ordered[np.concatenate([record.rows for record in records])] = values
     return ordered

@@ -22,7 +22,7 @@ from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.record_quality import checks
 from sklearn_pgnn.record_quality.finding import Finding
-from sklearn_pgnn.trajectories.csv_file import read_csv_files
+from sklearn_pgnn.trajectories import read_files
 
 CART = PhysicsModel(
     {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
@@ -133,7 +133,7 @@ def test_a_record_on_which_a_candidate_broke_down_gets_its_verdict(real_data, ca
     """
     folder = real_data / "mr_damper"
     model = PhysicsModel.from_yaml(folder / "damper.yaml")
-    X, y = read_csv_files([folder / "damper.csv"], model)
+    X, y = read_files([folder / "damper.csv"], model)
     inputs = (effects.InputSaturation, effects.InputBacklash)
     catalogue = (*inputs, effects.RateLimit, effects.WrongParameter)
     diagnosis = ModelDiagnosis(model, catalogue=catalogue, hold="zoh").fit(X, y)

@@ -8,7 +8,6 @@ from servo import SERVO, STEP, follow_steps
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import investigation
 from sklearn_pgnn.estimation.progress import TimeIsUp
-from sklearn_pgnn.simulation.substeps import Steps
 
 FAN = PhysicsModel({"v": "rad/s"}, {"v": "(K*u - v)/T"}, {"K": 2.0, "T": 0.3}, {"u": "V"})
 DRY = effects.CoulombFriction("v", level=3.0)
@@ -48,10 +47,6 @@ def test_steps_are_so_fine_as_the_retuned_prior_needs_not_only_the_prior():
     assert retuned.low <= true <= retuned.high
 
 
-def four_unless_told(fitter, trial, *, is_told):
-    return fitter.problem.windows.steps if is_told else Steps("rk4", 4)
-
-
 # -- where the time is up --------------------------------------------------------------------------
 
 
@@ -70,21 +65,6 @@ def test_a_model_is_not_adequate_where_time_ends_before_what_is_left_is_explaine
     found = ModelDiagnosis(FAN, catalogue=("input_bias",)).fit(*spin(-8.0))
     assert (found.remaining_.kind, found.verdict_) == (left, "provisional")
     assert not found.complete_
-
-
-def test_a_search_that_time_ends_takes_no_place_of_one_that_came_to_its_end(monkeypatch):
-    """Neither in finer integration steps, nor with inputs that run straight between samples."""
-    search = investigation.Search.run
-
-    def cut_short_in_finer_steps(self, begin=None):
-        is_first = self.fitter.problem.windows.substeps == 1
-        return search(self, begin) if is_first else self.so_far()
-
-    monkeypatch.setattr(investigation, "fine_steps", four_unless_told)
-    monkeypatch.setattr(investigation.Search, "run", cut_short_in_finer_steps)
-    X, y = spin(-8.0)
-    found = ModelDiagnosis(FAN, catalogue=("input_bias",)).fit(X, y)
-    assert (found.complete_, found.substeps_) == (True, 1)
 
 
 def test_what_was_found_with_held_inputs_is_provisional_where_a_better_hold_came_to_no_end(

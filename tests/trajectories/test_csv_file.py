@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
-from sklearn_pgnn.trajectories.csv_file import read_csv, read_csv_files
+from sklearn_pgnn.trajectories import read_file, read_files
 from sklearn_pgnn.trajectories.reader import read_records
 
 pytestmark = pytest.mark.core
@@ -31,7 +31,7 @@ def file(tmp_path):
 
 def read(file, text, model=CART, **how):
     file.write_text(text, encoding=how.pop("encoding", "utf-8"), **how)
-    return read_csv(file, model)
+    return read_file(file, model)
 
 
 def test_excel_may_tell_the_separator_and_that_a_value_is_missing(file):
@@ -164,7 +164,7 @@ def test_pandas_files_come_back_to_the_last_digit(tmp_path_factory, rows, separa
     table.insert(0, "t", np.arange(len(rows)) / 7)
     file = tmp_path_factory.getbasetemp() / "drawn.csv"
     table.to_csv(file, index=False, sep=separator)
-    X, y = read_csv(file, CART)
+    X, y = read_file(file, CART)
     pd.testing.assert_frame_equal(X[["t", "F"]], table[["t", "F"]], check_exact=True)
     pd.testing.assert_frame_equal(y, table[["position"]], check_exact=True)
 
@@ -180,7 +180,7 @@ def test_several_files_are_trajectories_with_names_of_their_own(tmp_path):
         paths[-1].write_text(RUN)
     paths.append(tmp_path / "run-2.csv")
     paths[-1].write_text(RUN)
-    X, y = read_csv_files(map(str, paths), CART)
+    X, y = read_files(map(str, paths), CART)
     assert X["trajectory"].unique().tolist() == ["run", "run-2", "run-2-2"]
     assert X.index.tolist() == y.index.tolist() == list(range(12))
     assert [record.t.size for record in read_records(CART, X, y)] == [4, 4, 4]
@@ -191,13 +191,62 @@ def test_trajectories_of_several_files_are_told_apart(tmp_path):
     text = text.replace("position,trajectory,a", "position,trajectory").rstrip() + ",a\n"
     for name in ("one.csv", "two.csv"):
         (tmp_path / name).write_text(text)
-    X, _ = read_csv_files([tmp_path / "one.csv", tmp_path / "two.csv"], CART)
+    X, _ = read_files([tmp_path / "one.csv", tmp_path / "two.csv"], CART)
     assert X["trajectory"].unique().tolist() == ["one/a", "two/a"]
 
 
 def test_no_file_is_refused():
-    with pytest.raises(RecordError, match=r"^expected at least one file of records, got none\.$"):
-        read_csv_files([], CART)
+    with pytest.raises(RecordError, match=r"^expected at least one file of records, .*got none\.$"):
+        read_files([], CART)
+
+
+# -- what is the same all through a file -----------------------------------------------------------
+
+LOADED = CART.replace(inputs={"F": "N", "load": "kg", "in_b__since_0p2": ""})
+
+
+def with_conditions(folder, table, model=LOADED):
+    """Return X of three files and a table of conditions beside them."""
+    folder.joinpath("old").mkdir()
+    paths = [folder / "a.csv", folder / "b.csv", folder / "old" / "c.csv"]
+    for path in paths:
+        path.write_text(RUN)
+    paths.insert(1, folder / "conditions.csv")
+    paths[1].write_text(table)
+    return read_files(paths, model)[0]
+
+
+def test_a_table_of_conditions_gives_inputs_of_files_and_folders(tmp_path):
+    told = r"no column 'in_b.*it is 1 in b, and 0 in a, c\. Remedy"
+    with pytest.warns(RecordWarning, match=told):
+        X = with_conditions(tmp_path, "file;load [g];by\nb.csv;500;Ann\na;2000;Bo\nold;1;Bo\n")
+    loads = X.groupby("trajectory")["load"].first()
+    assert loads.to_dict() == pytest.approx({"a": 2.0, "b": 0.5, "c": 0.001})
+    later = X["in_b__since_0p2"].to_numpy()
+    assert later.tolist() == [0.0] * 4 + [0.0, 0.0, 1.0, 1.0] + [0.0] * 4
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("file,load\na,1\nold,2\n", "expected a row for .*b.csv, got a, old. Remedy: add a row"),
+        ("file,weight\na,1\n", r"an input of the model \(F, load, in_b.*got file, weight\. Rem"),
+        ("file,load\na,1\nb,\nold,2\n", "conditions.csv:3: column 'load': expected a number"),
+    ],
+)
+def test_a_table_of_conditions_without_an_answer_is_refused(tmp_path, table, said):
+    with pytest.raises(RecordError, match=said):
+        with_conditions(tmp_path, table)
+
+
+@pytest.mark.parametrize(
+    ("column", "values"),
+    [("in_sequence", "0 in the first record to 1 in the last"), ("in_group_4", "1 in group_4")],
+)
+def test_a_mark_that_names_no_records_is_asked_for(tmp_path, column, values):
+    model = CART.replace(inputs={"F": "N", column: ""})
+    with pytest.raises(RecordError, match=f"column '{column}': missing; .*add it.*, {values}"):
+        with_conditions(tmp_path, "file,F\na,1\nb,1\nold,1\n", model)
 
 
 # -- what is refused -------------------------------------------------------------------------------
@@ -298,7 +347,11 @@ def test_a_missing_column_is_called_what_the_model_calls_it(file):
     ("header", "remedy"),
     [
         ("t,temperature,force [N],position", "as in columns: {F: force}."),
-        ("t,position", "Remedy: add it to the file, or take it out of the model."),
+        (
+            "t,position",
+            "Remedy: add it to the file, or to a table conditions.csv if it is the same all "
+            "through a file, or take it out of the model.",
+        ),
         ("t,weg,position", "in columns: {F: ...}; not used so far: weg."),
         ("t,weg,kraft [N],position", "as in columns: {F: kraft}."),
         ("t,left [N],right [N],position", "{F: ...}; not used so far: left, right."),
@@ -310,16 +363,11 @@ def test_the_remedy_for_a_missing_column_is_one_that_nothing_else_needs(file, he
     assert refusal(file, f"{header}\n{row}\n", model).endswith(remedy)
 
 
-def test_the_column_of_what_differs_is_told_with_its_values(file):
-    model = CART.replace(inputs={**CART.inputs, "in_all__since_5": ""})
-    assert refusal(file, RUN, model).endswith("add it to the file: 1 since 5 s, and 0 elsewhere.")
-
-
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     with pytest.raises(RecordError, match=r"none\.csv:1: expected a CSV file, got: No such file"):
-        read_csv(tmp_path / "none.csv", CART)
+        read_file(tmp_path / "none.csv", CART)
     with pytest.raises(RecordError, match=r":1: expected a CSV file, got: Is a directory"):
-        read_csv(tmp_path, CART)
+        read_file(tmp_path, CART)
 
 
 @settings(max_examples=100, deadline=None)
@@ -328,5 +376,5 @@ def test_any_file_is_read_or_refused_in_one_line(tmp_path_factory, content):
     file = tmp_path_factory.getbasetemp() / "any.csv"
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(RecordError) as caught:
-        read_csv(file, CART)
+        read_file(file, CART)
     assert len(str(caught.value).splitlines()) == 1

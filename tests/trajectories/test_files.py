@@ -7,7 +7,7 @@ from scipy.io import savemat
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
-from sklearn_pgnn.trajectories import read_csv, read_file, read_files, read_records
+from sklearn_pgnn.trajectories import read_file, read_files, read_records
 
 CART = PhysicsModel(
     name="cart",
@@ -157,7 +157,7 @@ def test_a_csv_file_may_have_iso_time_stamps(tmp_path, stamps, separator):
     ]
     table = RUN[1:].assign(t=stamps)
     table.to_csv(tmp_path / "run.csv", index=False, sep=separator)
-    found, _ = read_csv(tmp_path / "run.csv", CART)
+    found, _ = read_file(tmp_path / "run.csv", CART)
     np.testing.assert_allclose(found["t"], [0.0, 0.005, 0.01, 1.015], atol=1e-12)
 
 
@@ -193,19 +193,18 @@ def test_a_file_without_a_time_takes_a_sample_time(tmp_path, kind):
 def test_every_trajectory_of_a_sample_time_begins_at_zero(tmp_path):
     two = pd.concat([RUN, RUN]).drop(columns="t").assign(trajectory=np.repeat(["a", "b"], 5))
     path = write(tmp_path, "csv", two)
-    for read in (read_csv, read_file):
-        found, _ = read(path, CART, sample_time=0.5)
-        assert found["t"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0] * 2
+    found, _ = read_file(path, CART, sample_time=0.5)
+    assert found["t"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0] * 2
 
 
 def test_a_sample_time_overrides_a_time_and_says_so(tmp_path):
     path = write(tmp_path, "csv", RUN)
     with pytest.warns(RecordWarning, match=r"takes 2 s, by the column 't'.* 0.5 s. Remedy: leave"):
-        found, _ = read_csv(path, CART, sample_time=0.5)
+        found, _ = read_file(path, CART, sample_time=0.5)
     assert found["t"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
     coarse = write(tmp_path, "csv", RUN.assign(t=["10:00:00"] * 3 + ["10:00:01"] * 2), "coarse")
     assert "the stamps are too coarse. Remedy: log finer stamps, or give" in refusal(coarse)
-    found, _ = read_csv(coarse, CART, sample_time=0.5)
+    found, _ = read_file(coarse, CART, sample_time=0.5)
     assert found["t"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
     backward = write(tmp_path, "csv", RUN.assign(t=[5.0, 4.0, 3.0, 2.0, 1.0]), "backward")
     assert "the rows run backward in time" in refusal(backward, sample_time=0.5)

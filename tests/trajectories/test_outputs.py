@@ -13,7 +13,7 @@ from sklearn_pgnn import (
 )
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.model_selection import TrajectoryKFold
-from sklearn_pgnn.trajectories import read_csv, read_files, read_records
+from sklearn_pgnn.trajectories import read_file, read_files, read_records
 from sklearn_pgnn.trajectories.reader import read_outputs
 
 pytestmark = pytest.mark.core
@@ -146,4 +146,4 @@ def test_every_output_needs_a_file_and_every_file_an_output(tmp_path, tables, sa
 def test_of_a_single_file_every_output_is_needed(tmp_path):
     RUN.assign(speed=np.nan).to_csv(tmp_path / "run.csv", index=False)
     with pytest.raises(RecordError, match="Remedy: take the output out of the model, or give with"):
-        read_csv(tmp_path / "run.csv", MODEL)
+        read_file(tmp_path / "run.csv", MODEL)

@@ -116,7 +116,10 @@ class ParameterSlope(ParameterDependence):
             for s in signals
             if s in model.inputs or (s in stores and not _is_capacity(model, n))
         ]
-        return tuple(pair(n, s) for n, s in pairs if _differ(model, n, s))
+        units = {name: known.unit for name, known in model.parameters.items()}
+        return tuple(
+            pair(n, s) for n, s in pairs if units[n] not in ABSOLUTE or units[n] != model.unit(s)
+        )
 
     @classmethod
     def title(cls, target: str) -> str:
@@ -243,12 +246,6 @@ def _others(model: PhysicsModel, linear: Collection[str]) -> Iterator[str]:
     for name in model.free_parameters:
         if name not in linear and symbol(name) in used - held and model.parameters[name].value:
             yield name
-
-
-def _differ(model: PhysicsModel, name: str, signal: str) -> bool:
-    """Return whether a parameter and a signal are not two temperatures."""
-    unit = model.parameters[name].unit
-    return unit not in ABSOLUTE or unit != model.unit(signal)
 
 
 def _divided(model: PhysicsModel, name: str) -> tuple[str, ...]:

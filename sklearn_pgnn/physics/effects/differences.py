@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, quantity
@@ -25,6 +27,9 @@ AND = "__"
 SINCE = "__since_"
 #: the column that rises in equal steps from zero in the first record to one in the last
 TREND = f"{IN}sequence"
+#: stands for all records, and a column whose records are too many to name
+ALL = "all"
+_NUMBERED = re.compile(r"group_\d+")
 #: share of its value that a parameter at least keeps where its bounds set no limit
 LEFT = 0.001
 
@@ -37,7 +42,18 @@ def where_of(column: str) -> str:
     *first, last = records.split(AND)
     where = f"in {', '.join(first)} and {last}" if first else f"in {last}"
     since = f"since {onset.replace('p', '.')} s" if onset else ""
-    return since if since and records == "all" else f"{where} {since}".rstrip()
+    return since if since and records == ALL else f"{where} {since}".rstrip()
+
+
+def values_of(column: str) -> str:
+    """Return what a group's column holds.
+
+    >>> values_of("in_run_2"), values_of("in_sequence")
+    ('1 in run_2 and 0 elsewhere', '0 in the first record to 1 in the last')
+    """
+    if column == TREND:
+        return "0 in the first record to 1 in the last"
+    return f"1 {where_of(column)} and 0 elsewhere"
 
 
 def mark_of(column: str, records: tuple[str, ...]) -> tuple[float, str]:
@@ -58,6 +74,32 @@ def mark_of(column: str, records: tuple[str, ...]) -> tuple[float, str]:
         f"1 in trajectories like {of} and 0 in others, got none: all are taken to be like the "
         f"others"
     )
+
+
+def mark_by_name(column: str, names: Iterable[str], t: np.ndarray) -> np.ndarray | None:
+    """Return the column of a group in a record that may have any of some names.
+
+    The time [s] counts from the record's first sample. None where the column names no records.
+
+    >>> mark_by_name("in_run_2__run_4__since_1p5", ["run-4"], np.arange(3.0))
+    array([0., 0., 1.])
+    >>> mark_by_name("in_group_3", ["run-4"], np.arange(3.0))
+    """
+    records, _, onset = column.removeprefix(IN).partition(SINCE)
+    if column == TREND or _NUMBERED.fullmatch(records):
+        return None
+    members = f"{AND}{records}{AND}"
+    is_in = records == ALL or any(f"{AND}{cleaned(name)}{AND}" in members for name in names)
+    return (is_in & (t >= (float(onset.replace("p", ".")) if onset else -np.inf))).astype(float)
+
+
+def cleaned(name: str) -> str:
+    """Return the name of a record as it stands in a column.
+
+    >>> cleaned("day 2/run-1")
+    'day_2_run_1'
+    """
+    return re.sub(r"\W+", "_", name)
 
 
 def is_mark(model: PhysicsModel, name: str) -> bool:
