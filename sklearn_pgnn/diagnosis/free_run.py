@@ -9,10 +9,11 @@ import numpy as np
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.uncertainty import Rounded
 
 
-@dataclass(frozen=True)
-class FreeRunError:
+@dataclass(frozen=True, repr=False)
+class FreeRunError(Rounded):
     """The free-run error of an output over whole records, without restarts.
 
     Parameters

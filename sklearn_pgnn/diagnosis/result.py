@@ -25,7 +25,7 @@ from sklearn_pgnn.physics.effects.differences import onset_of
 from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.physics.effects.targets import parts
 from sklearn_pgnn.readings import reading
-from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of
+from sklearn_pgnn.simulation.uncertainty import Estimate, Rounded, estimate_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
@@ -152,8 +152,8 @@ class NamedCause:
         return reading("cause_latex")(self)
 
 
-@dataclass(frozen=True)
-class RetunedParameter:
+@dataclass(frozen=True, repr=False)
+class RetunedParameter(Rounded):
     """A parameter of the prior after re-tuning.
 
     Parameters
@@ -181,8 +181,8 @@ class RetunedParameter:
     changed: bool
 
 
-@dataclass(frozen=True)
-class Gain:
+@dataclass(frozen=True, repr=False)
+class Gain(Rounded):
     """The held-out error of an output over windows, for the three models.
 
     Parameters

@@ -12,6 +12,7 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.simulation.uncertainty import Rounded
 
 #: the verdicts with their titles, those that ask for something to be done first
 VERDICTS = {
@@ -25,8 +26,8 @@ VERDICTS = {
 }
 
 
-@dataclass(frozen=True)
-class Remaining:
+@dataclass(frozen=True, repr=False)
+class Remaining(Rounded):
     """The residuals that the extended model leaves.
 
     Parameters

@@ -119,11 +119,7 @@ def _factor(
     factors = [part / terms[0] for part in _terms(shown)]
     for factor in factors:
         needed = {factor * term for term in terms}
-        if _is_constant(factor, constants, len(terms)) and needed <= left:
+        still = abs(factor) == 1 if len(terms) == 1 else factor.free_symbols <= constants
+        if still and needed <= left:  # what is only one term need not be a rate
             left, total = left - needed, total + factor
     return total, shown if total == 0 else sympy.Add(*left)
-
-
-def _is_constant(factor: sympy.Expr, constants: frozenset[sympy.Symbol], n_terms: int) -> bool:
-    """Return whether a factor does not move; what is only one term need not be a rate."""
-    return abs(factor) == 1 if n_terms == 1 else factor.free_symbols <= constants

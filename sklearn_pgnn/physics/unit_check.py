@@ -29,7 +29,7 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
     """Return the terms of a model's equations whose units are inconsistent.
 
     A quantity without a unit, or with an unknown one, is compatible with everything, and so is any
-    product that contains it. The scale of a term with a numerical factor is not checked: the number
+    product that contains it; but a rate in 1/h has the wrong scale, whatever its state is. The scale of a term with a numerical factor is not checked: the number
     may be the conversion.
 
     Parameters
@@ -54,7 +54,7 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
         check.ask_balance(part, getattr(model, part), other, getattr(model, other))
     for state, rate in model.equations.items():
         if state not in model.forces and state not in model.flows:
-            check.ask(f"equations.{state}", rate, check.of_rate(state))
+            check.ask(f"equations.{state}", rate, check.of_rate(state, rate))
     for output, shown in model.outputs.items():
         check.ask(f"outputs.{output}", shown, None)
     for part, expression in model.energy.items():
@@ -99,10 +99,13 @@ class _Check:
         self.table[str(TIME)] = read_unit("s")
         self.said: list[str] = []
 
-    def of_rate(self, state: str) -> "Quantity | None":
-        """Return what the rate of a state measures."""
-        unit = self.table.get(state)
-        return None if unit is None else unit / read_unit("s")
+    def of_rate(self, state: str, rate: sympy.Expr = sympy.S.Zero) -> "Quantity | None":
+        """Return what the rate of a state measures; a number per time counts seconds."""
+        unit, per_second = self.table.get(state), 1 / read_unit("s")
+        if unit is not None:
+            return unit * per_second
+        got = self.measure(rate)
+        return per_second if got is not None and is_like(got, per_second) else None
 
     def ask_balance(
         self,

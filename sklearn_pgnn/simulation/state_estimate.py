@@ -90,7 +90,8 @@ class StateEstimator:
         if (own := self._of(model)) is not self:
             return own.estimate(model)
         states = tuple(model.states)
-        if self._is_simulated(model) or self._is_scaled(model):
+        simulated = self.hidden(model) or any(s in self.known for s in unsigned_states(model))
+        if simulated or self._is_scaled(model):
             return self._estimate(model)
         if states not in self._estimates:
             self._estimates[states] = self._estimate(model)
@@ -111,10 +112,6 @@ class StateEstimator:
         names, pairs = list(model.states), model.settled.items()
         hidden = (pair for pair in pairs if pair[1] in names and pair[0] not in self.known)
         return [(names.index(state), names.index(other)) for state, other in hidden]
-
-    def _is_simulated(self, model) -> bool:
-        """Return whether some state, or its sign, is not shown."""
-        return bool(self.hidden(model)) or any(s in self.known for s in unsigned_states(model))
 
     def _is_scaled(self, model) -> bool:
         """Return whether an output shows a state on a scale that parameters change."""

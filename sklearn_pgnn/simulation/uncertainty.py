@@ -1,8 +1,8 @@
 """Uncertainty of fitted parameters: standard errors and 95 % intervals."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,28 @@ FLAT, SHARE = 1e-10, 1e-3
 LOST = 1e-6
 
 
-@dataclass(frozen=True)
-class Estimate:
+def rounded(value: Any) -> str:
+    """Return a value as text, its numbers with four digits.
+
+    >>> rounded({"m": 2.000049}), rounded("kg")
+    ("{'m': 2}", "'kg'")
+    """
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k!r}: {rounded(v)}" for k, v in value.items()) + "}"
+    return f"{value:.4g}" if isinstance(value, float) else repr(value)
+
+
+class Rounded:
+    """A dataclass that shows numbers with four digits, and none that is not a number."""
+
+    def __repr__(self) -> str:
+        values = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
+        given = (f"{name}={rounded(value)}" for name, value in values.items() if value == value)
+        return f"{type(self).__name__}({', '.join(given)})"
+
+
+@dataclass(frozen=True, repr=False)
+class Estimate(Rounded):
     """A parameter's value with its 95 % interval.
 
     Parameters
@@ -35,8 +55,8 @@ class Estimate:
     Examples
     --------
     >>> friction = Estimate(0.031, 0.028, 0.034, "N m")
-    >>> friction.low < 0.03 < friction.high
-    True
+    >>> friction
+    Estimate(value=0.031, low=0.028, high=0.034, unit='N m')
     """
 
     value: float

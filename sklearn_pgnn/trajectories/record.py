@@ -16,24 +16,9 @@ MIN_SAMPLES = 4
 
 @dataclass(frozen=True)
 class Record:
-    """One trajectory.
+    """One trajectory, of some rows of a table whose clock showed ``origin + t``.
 
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s], increasing.
-    u : ndarray of shape (n_samples, n_inputs)
-        Inputs.
-    y : ndarray of shape (n_samples, n_outputs) or None
-        Measured outputs, NaN where there is no value; None if only inputs are known.
-    x0 : ndarray of shape (n_states,)
-        Initial state, NaN where unknown.
-    name : str
-        Name of the trajectory.
-    rows : ndarray of shape (n_samples,)
-        Row numbers of its samples in the original table.
-    origin : float, default=0
-        Offset subtracted from the table's clock [s], which showed ``origin + t``.
+    NaN stands for an unknown initial state or no value; without any output `y` is None.
     """
 
     t: np.ndarray

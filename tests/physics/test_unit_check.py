@@ -55,6 +55,8 @@ def test_the_term_that_does_not_fit_is_named(changes, terms):
 def test_another_scale_has_its_factor():
     (said,) = check_units(cart(F="kN"))
     assert said == "equations.v: the term F is in 1000 N, expected N (a factor of 1000)."
+    cell = PhysicsModel({"z": ""}, {"z": "I/Q"}, {"Q": {"value": 2.9, "unit": "A h"}}, {"I": "A"})
+    assert "expected 1/s (a factor of 0.0002778)" in check_units(cell)[0]
 
 
 def test_a_number_in_front_of_another_kind_is_no_gravity():
