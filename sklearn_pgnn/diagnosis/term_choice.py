@@ -6,7 +6,7 @@ from sklearn_pgnn.estimation.budgets import MOST_TERMS, OWN, RESOLUTION
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.likely_places import windows_looked_at
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.estimation.small_step import small_step
+from sklearn_pgnn.estimation.screening import small_step
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.windows import evaluate
 

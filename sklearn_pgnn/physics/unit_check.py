@@ -28,9 +28,9 @@ _NUMBER = " (numbers have no unit: define a constant such as 9.81 m/s^2 as a fix
 def check_units(model: PhysicsModel) -> tuple[str, ...]:
     """Return the terms of a model's equations whose units are inconsistent.
 
-    A quantity without a unit, or with an unknown one, is compatible with everything, and so is any
-    product that contains it; but a rate in 1/h has the wrong scale, whatever its state is. The scale of a term with a numerical factor is not checked: the number
-    may be the conversion.
+    What contains a quantity without a unit, or with an unknown one, is compatible with everything,
+    but rates in 1/h have the wrong scale, whatever their states are. The scale of a term with a
+    numerical factor is not checked: the number may be the conversion.
 
     Parameters
     ----------
@@ -101,10 +101,9 @@ class _Check:
 
     def of_rate(self, state: str, rate: sympy.Expr = sympy.S.Zero) -> "Quantity | None":
         """Return what the rate of a state measures; a number per time counts seconds."""
-        unit, per_second = self.table.get(state), 1 / read_unit("s")
+        unit, per_second, got = self.table.get(state), read_unit("1/s"), self.measure(rate)
         if unit is not None:
             return unit * per_second
-        got = self.measure(rate)
         return per_second if got is not None and is_like(got, per_second) else None
 
     def ask_balance(

@@ -208,7 +208,10 @@ def cut(
     while counts.sum() < min_windows and (counts < most).any():
         counts[np.argmax(np.where(counts < most, durations / counts, -np.inf))] += 1
     spans = zip(pairwise(whole.bounds), counts, strict=True)
-    return _between(whole, [np.linspace(a, b, count + 1).astype(int) for (a, b), count in spans])
+    edges = [np.linspace(a, b, count + 1).astype(int) for (a, b), count in spans]
+    off_steps = [_off_steps(whole.u, some) for some in edges]
+    enough = sum(len(some) - 1 for some in off_steps) >= min_windows
+    return _between(whole, off_steps if enough else edges)
 
 
 def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
@@ -223,7 +226,24 @@ def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
             if min(edge - mine[-1], t.size - edge) >= MIN_SAMPLES:
                 mine.append(edge)
         edges.append(a + np.array([*mine, t.size]))
-    return _between(whole, edges)
+    return _between(whole, [_off_steps(whole.u, some) for some in edges])
+
+
+def _off_steps(u: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Move edges by a part of a window, which makes the outer windows longer, off an input's steps.
+
+    An input that steps at edges only is constant in every window, like a state that begins there.
+    """
+    steps = np.diff(u[edges[0] : edges[-1]], axis=0) ** 2
+    steps /= np.maximum(steps.sum(axis=0), np.finfo(float).tiny)
+
+    def lost(some: np.ndarray) -> float:
+        return float(steps[some[1:-1] - edges[0] - 1].sum(axis=0).max(initial=0.0))
+
+    if len(edges) < 5 or lost(edges) <= 0.5:
+        return edges
+    parts = (np.diff(edges[1:-1]) // part for part in (2, 3, 4))
+    return min((edges, *(np.r_[edges[0], edges[1:-2] + p, edges[-1]] for p in parts)), key=lost)
 
 
 def _between(whole: ShootingWindows, edges) -> ShootingWindows:

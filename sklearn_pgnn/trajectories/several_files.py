@@ -35,9 +35,7 @@ def read_each(
             f"expected at least one file of records, and at most one table of conditions, got "
             f"{listed(given) or 'none'}."
         )
-    known = {}
-    for path in of_conditions:
-        known = _conditions(opened(path, model, None), paths)
+    known = _conditions(opened(of_conditions[0], model, None), paths) if of_conditions else {}
     tables, found = [], []
     for path in paths:
         tables.append(opened(path, model, sample_time))

@@ -19,17 +19,6 @@ def moves_of(fitter, kinds=KINDS):
     return Moves(Comparison(fitter, CRITERION), Ladder(fitter, CRITERION, candidates, same))
 
 
-def test_what_a_hypothesis_needs_no_more_without_a_disturbance_goes_too(monkeypatch):
-    """A load that stood beside the friction only while both did is asked again without it."""
-    fitter = fresh_fitter()
-    moves = moves_of(fitter)
-    rubbed, loaded = effects.CoulombFriction, effects.ConstantLoad
-    both = fitted(fitter, rubbed, loaded)
-    left = iter([fitted(fitter, loaded)])
-    monkeypatch.setattr(moves, "drop_disturbed", lambda trial, needed: next(left, None))
-    assert not moves.pruned(both, CRITERION.to_name).hypothesis.causes
-
-
 def test_a_cause_is_added_that_the_criterion_names():
     fitter = fresh_fitter()
     found = next(moves_of(fitter).add(fitter.base()))

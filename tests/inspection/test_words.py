@@ -69,15 +69,6 @@ def test_what_is_likelier_than_every_name_stands_beside_the_names():
     assert finding._alternatives(cause).endswith("on v or input bias of F")
 
 
-def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch):
-    errors = {output: SimpleNamespace(prior=2.0, refitted=1.5) for output in ("x", "v")}
-    monkeypatch.setattr(words, "over_windows", lambda _: errors)
-    monkeypatch.setattr(words, "is_adequate_as_given", lambda _: False)
-    said = words._is_adequate(SimpleNamespace(model=systems.cart_on_spring(), complete_=True))
-    left = "1.50 × the noise of x (as given 2.00 ×) and 1.50 × the noise of v (as given 2.00 ×)"
-    assert f"its error is {left}, and no effect" in said
-
-
 @pytest.mark.parametrize(("unit", "amplitude"), [("1", "3.5 about 2"), ("V", "3.5 V about 2 V")])
 def test_an_input_without_a_unit_has_none_in_an_experiment(unit, amplitude):
     sizes = {"amplitude": 3.5, "offset": 2.0, "reached": {}, "repeats": 1, "duration": 10.0}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn import PhysicsModelRegressor, systems
+from sklearn_pgnn import PhysicsModel, PhysicsModelRegressor, systems
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
 
@@ -32,3 +32,21 @@ def test_parameters_are_found_from_few_measured_samples():
     off = cart.with_parameters(**{free: 1.2 * cart.parameters[free].value})
     fitted = PhysicsModelRegressor(off, free=[free]).fit(np.column_stack([t, force]), y)
     assert fitted.parameters_[free].value == pytest.approx(cart.parameters[free].value, rel=0.01)
+
+
+@pytest.mark.parametrize("hold", [20, 40])
+def test_an_input_that_steps_at_regular_times_steps_within_windows(hold):
+    """Else the resistance of a cell is as good as the charge at which a window begins."""
+    cell = PhysicsModel(
+        {"z": ""}, {"z": "I/Q"}, {"Q": 1e4, "R": 0.03}, {"I": "A"}, {"V": "z + R*I"}
+    )
+    t, random = np.arange(960.0), np.random.default_rng(0)
+    current = np.repeat(random.choice([-4.0, 0.0, 4.0], size=960 // hold), hold)
+    y = cell.simulate(t, current).y + 1e-3 * random.normal(size=(960, 1))
+    record = read_records(cell, np.column_stack([t, current]), y)
+    for length in (None, 20.0):
+        windows = window_records(cell, record, window_length=length).windows
+        steps = np.flatnonzero(np.diff(current)) + 1
+        assert np.isin(steps, windows.starts).mean() < 0.1
+        assert windows.lengths.min() >= MIN_SAMPLES
+        assert windows.lengths.sum() == 960

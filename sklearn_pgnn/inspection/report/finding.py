@@ -80,12 +80,6 @@ def _named(diagnosis) -> str:
     return f"{found}; further error remains" if leaves_more(diagnosis) else found
 
 
-def _ambiguous(diagnosis) -> str:
-    sure = [cause_with_size(cause) for cause in diagnosis.causes_ if not cause.is_open]
-    open_ = [_alternatives(cause) for cause in diagnosis.causes_ if cause.is_open]
-    return "; and ".join([*sure, *open_])
-
-
 def _alternatives(cause) -> str:
     others = [cause_name(other.effect, other.target) for other in cause.confused_with]
     others += [UNNAMED] * (cause.outside >= OPEN)
@@ -107,7 +101,10 @@ def _unexplained(diagnosis) -> str:
 
 _FOUND = {
     "cause_named": _named,
-    "ambiguous": _ambiguous,
+    "ambiguous": lambda diagnosis: "; and ".join(
+        _alternatives(cause) if cause.is_open else cause_with_size(cause)
+        for cause in sorted(diagnosis.causes_, key=lambda cause: cause.is_open)
+    ),
     "unexplained": _unexplained,
     "provisional": _so_far,
     "predicts_nothing": lambda _: (

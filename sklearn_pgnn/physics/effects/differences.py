@@ -51,9 +51,8 @@ def values_of(column: str) -> str:
     >>> values_of("in_run_2"), values_of("in_sequence")
     ('1 in run_2 and 0 elsewhere', '0 in the first record to 1 in the last')
     """
-    if column == TREND:
-        return "0 in the first record to 1 in the last"
-    return f"1 {where_of(column)} and 0 elsewhere"
+    of_group = f"1 {where_of(column)} and 0 elsewhere"
+    return "0 in the first record to 1 in the last" if column == TREND else of_group
 
 
 def mark_of(column: str, records: tuple[str, ...]) -> tuple[float, str]:

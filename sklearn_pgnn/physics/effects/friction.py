@@ -75,13 +75,9 @@ class SpeedEffect(RateEffect):
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the names of the velocities of the model, and of signals that may be speeds."""
         known = super().targets(model)
-        return tuple(n for n in model.ports if n in known or _may_be_speed(model, n))
-
-
-def _may_be_speed(model: PhysicsModel, name: str) -> bool:
-    """Return whether the flow of a port may be a speed that is not declared as one."""
-    flow = str(model.port(name).flow)
-    return flow in model.states and may_be_speed(model, flow)
+        flows = {name: str(model.port(name).flow) for name in model.ports}
+        speeds = [s for s in flows.values() if s in model.states and may_be_speed(model, s)]
+        return tuple(name for name, flow in flows.items() if name in known or flow in speeds)
 
 
 @dataclass(frozen=True)

@@ -28,12 +28,6 @@ def first_order_states(model: PhysicsModel) -> tuple[str, ...]:
     return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
 
 
-def _has_loss(model: PhysicsModel, state: str) -> bool:
-    """Return whether a state's rate falls with it in proportion, by parameters alone."""
-    slope = model.equations[state].diff(symbol(state))
-    return slope != 0 and slope.free_symbols <= {symbol(name) for name in model.parameters}
-
-
 @dataclass(frozen=True)
 class StateEffect(Effect):
     """A state whose rate is replaced by an expression of it."""
@@ -233,7 +227,9 @@ class LeakToLevel(StateEffect):
     @classmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
         """Return the states without a linear loss: with one, a constant load acts as the level."""
-        return tuple(s for s in super().targets(model) if not _has_loss(model, s))
+        slopes = {s: model.equations[s].diff(symbol(s)) for s in super().targets(model)}
+        numbers = {symbol(name) for name in model.parameters}
+        return tuple(s for s, a in slopes.items() if a == 0 or not a.free_symbols <= numbers)
 
     def rate(
         self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
