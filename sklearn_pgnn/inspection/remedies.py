@@ -52,17 +52,17 @@ def spread_sentence(diagnosis) -> str:
     due = "what is named and what is left" if diagnosis.causes_ else "what is left"
     if names := at_spread_ends(diagnosis.model, retuned):
         lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
+        shares = listed(f"{100 * diagnosis.model.parameters[name].spread:.3g} %" for name in names)
         said.append(
-            f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: "
-            f"{due} may come from a wrong parameter value. If it is not known that well, give a "
-            f"wider spread, or spread: .inf where nothing is known, and diagnose again."
+            f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed, "
+            f"{shares} of its value: {due} may come from a wrong parameter value. If it is not "
+            f"known that well, give a wider spread, or spread: .inf, and diagnose again."
         )
     if names := at_bounds(retuned):
         lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
         said.append(
             f"{listed(names)} {lies} at {bounds} of the model file: {due} may come from that. If "
-            f"values beyond are physically possible, give wider bounds, and "
-            f"diagnose again."
+            f"values beyond are physically possible, give wider bounds, and diagnose again."
         )
     return " ".join(said)
 

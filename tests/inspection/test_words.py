@@ -93,7 +93,7 @@ def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
     said = spread_sentence(SimpleNamespace(model=model, parameters_=found, causes_=()))
     assert "named" not in said
     assert said.startswith(f"{first} lies at the end of what the spread in the model file allowed")
-    assert said.endswith(", or spread: .inf where nothing is known, and diagnose again.")
+    assert said.endswith(", or spread: .inf, and diagnose again.")
 
 
 def test_a_parameter_at_a_bound_is_told_with_the_remedy():
