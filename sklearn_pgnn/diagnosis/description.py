@@ -73,8 +73,8 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
     for name in sorted(expressed, key=lambda name: -np.count_nonzero(expressed[name])):
         own = np.flatnonzero(expressed[name])
         told = tuple(formula.terms[i] for i in own)
-        in_proportion = _is_even(np.array(formula.coefficients)[own] / expressed[name][own])
-        if in_proportion and _names(found).isdisjoint(told):
+        ratios = np.array(formula.coefficients)[own] / expressed[name][own]
+        if np.ptp(ratios) <= SPREAD * abs(ratios.mean()) and _names(found).isdisjoint(told):
             found.append(KnownTerms(told, WrongParameter.id, name, is_parameter=True))
     for term, effect in _same_effects(model, terms).items():
         if term not in _names(found):
@@ -101,10 +101,6 @@ def _can_hold(model: PhysicsModel, term: str) -> bool:
 def _names(found: list[KnownTerms]) -> set[str]:
     """Return the terms that have a name."""
     return {term for known in found for term in known.terms}
-
-
-def _is_even(ratios: np.ndarray) -> bool:
-    return bool(np.ptp(ratios) <= SPREAD * abs(ratios.mean()))
 
 
 def _same_effects(model: PhysicsModel, terms: tuple[Formula, ...]) -> dict[str, Effect]:

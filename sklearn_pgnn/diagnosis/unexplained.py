@@ -1,6 +1,7 @@
 """Missing parts that no cause of the catalogue explains: where, and what they depend on."""
 
 from collections.abc import Container, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
@@ -14,6 +15,7 @@ from sklearn_pgnn.diagnosis.trees import share_predicted
 from sklearn_pgnn.estimation.budgets import MOST_QUANTITIES, SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
@@ -150,7 +152,10 @@ def propose(
     formulas = [
         _formula(model, channel, terms, c) for c in telling_terms(problem, base, channel, columns)
     ]
-    fitted = [_proposal(problem, base, hidden, formula, each_step) for formula in formulas]
+    fitted = []
+    for formula in formulas:
+        with suppress(ModelError):  # beside a friction under load signs may multiply
+            fitted.append(_proposal(problem, base, hidden, formula, each_step))
     return [proposal for proposal in fitted if proposal.trial.fit.usable]
 
 
@@ -267,12 +272,15 @@ def term_library(
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y"})
     >>> term_library(lag, ["y"])
     [1, y, Abs(y), y**2, y*Abs(y), y**3]
+    >>> two = PhysicsModel({"v": "m/s", "w": "rad/s"}, {"v": "-v", "w": "-w"})
+    >>> any(len(term.atoms(sympy.sign)) > 1 for term in term_library(two, two.states))
+    False
     """
     single = {name: _functions(model, name) for name in quantities}
     found = [sympy.Integer(1), *(term for functions in single.values() for term in functions)]
     joined = (of for name, of in single.items() if leading is None or name in leading)
     for one, other in combinations(joined, 2):
-        found += [a * b for a in one for b in other]
+        found += [a * b for a in one for b in other if {a.func, b.func} != {sympy.sign}]
     return list(dict.fromkeys(found))
 
 

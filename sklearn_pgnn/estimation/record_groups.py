@@ -63,7 +63,7 @@ def mark(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> Mark
     candidates = [
         kind(pair(name, column)) for kind in DIFFERENCES for name in kind.quantities_of(model)
     ]
-    wider = model.replace(inputs={**model.inputs, column: ""})
+    wider = model.replace(inputs={**model.inputs, column: "1"})
     return Marked(wider, marked, tuple(candidates), column)
 
 

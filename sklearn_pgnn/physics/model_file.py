@@ -302,9 +302,10 @@ class _Reader:
         return self.section(node, part, self.text_or_row)
 
     def text_or_row(self, node: Node, what: str) -> str | list[str]:
-        if not isinstance(node, SequenceNode):
-            return self.text_of(node, what)
-        return [self.text_of(item, what) for item in self.list_of(node, what)]
+        if isinstance(node, SequenceNode):
+            return [self.text_of(item, what) for item in self.list_of(node, what)]
+        self.scalar(node, f"{what}: expected text, or a row of a matrix such as [M + m, m*l]")
+        return self.text_of(node, what)
 
     def lagrangian(self, node: Node, part: str) -> dict[str, Any]:
         found = {}

@@ -86,12 +86,11 @@ def _tell_marks(Xs: Iterable[pd.DataFrame], tables: Iterable[FileTable]) -> None
             if name not in table.conditions:
                 marks.setdefault(name, {}).update(X.groupby(TRAJECTORY, sort=False)[name].max())
     for name, found in marks.items():
-        of = {mark: [record for record, m in found.items() if m == mark] for mark in (1.0, 0.0)}
-        said = [f"{mark:g} in {listed(records)}" for mark, records in of.items() if records]
+        of = {m: [record for record, mark in found.items() if mark == m] for m in (1, 0)}
+        said = [f"{mark} in {listed(records)}" for mark, records in of.items() if records]
         warn_user(
             f"the files have no column {name!r}: by their names it is {', and '.join(said)}. "
-            f"Remedy: if that is wrong, add the column, or a row for each to a table "
-            f"{CONDITIONS}.csv.",
+            f"Remedy: if that is wrong, add the column, or give a table {CONDITIONS}.csv.",
             RecordWarning,
         )
 

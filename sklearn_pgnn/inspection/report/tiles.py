@@ -84,7 +84,13 @@ def _sure(diagnosis) -> Tile:
     if diagnosis.causes_ and not diagnosis.tested_:
         return Tile("look", about, "provisional", "not tested, for the search ended early")
     if diagnosis.causes_:
-        return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
+        cause = min(diagnosis.causes_, key=lambda each: each.probability)
+        more = "; ".join(["", _runner_up(diagnosis)]).rstrip("; ")
+        if cause.is_open:
+            more = f", which these records cannot distinguish from {rivals(cause)}"
+        sure = cause.probability >= SURE and not cause.is_open and diagnosis.complete_
+        text = f"for {cause_name(cause.effect, cause.target)}{more}"
+        return Tile("good" if sure else "look", about, chance(cause.probability), text)
     if diagnosis.verdict_ == "unexplained":
         nearest = _runner_up(diagnosis)
         said = f"{nearest}, not sufficient" if nearest else "no candidate was fitted"
@@ -97,16 +103,6 @@ def _sure(diagnosis) -> Tile:
         return Tile("bad", about, "nothing can be told", "the model runs away from the records")
     parts = ("no candidate of the catalogue improves it", _runner_up(diagnosis))
     return Tile("good", about, "nothing named", "; ".join(filter(None, parts)))
-
-
-def _sure_of(diagnosis, cause) -> Tile:
-    name, sure = cause_name(cause.effect, cause.target), cause.probability >= SURE
-    if cause.is_open:
-        text = f"for {name}, which these records cannot distinguish from {rivals(cause)}"
-    else:
-        text = "; ".join(filter(None, (f"for {name}", _runner_up(diagnosis))))
-    state = "good" if sure and not cause.is_open and diagnosis.complete_ else "look"
-    return Tile(state, "How sure", chance(cause.probability), text)
 
 
 def _runner_up(diagnosis) -> str:

@@ -103,7 +103,7 @@ def cleaned(name: str) -> str:
 
 def is_mark(model: PhysicsModel, name: str) -> bool:
     """Return whether an input says in which records, or since when, something differs."""
-    return name.startswith(IN) and name in model.inputs and not model.unit(name)
+    return name.startswith(IN) and model.inputs.get(name, "s") in ("", "1")
 
 
 def onset_of(effect: Effect) -> float | None:
