@@ -304,7 +304,8 @@ class _Reader:
     def text_or_row(self, node: Node, what: str) -> str | list[str]:
         if isinstance(node, SequenceNode):
             return [self.text_of(item, what) for item in self.list_of(node, what)]
-        self.scalar(node, f"{what}: expected text, or a row of a matrix such as [M + m, m*l]")
+        if not isinstance(node, ScalarNode):
+            self.refuse(node, f"{what}: expected text, or a row of a matrix, [M + m, m*l].")
         return self.text_of(node, what)
 
     def lagrangian(self, node: Node, part: str) -> dict[str, Any]:

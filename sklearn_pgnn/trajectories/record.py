@@ -16,10 +16,7 @@ MIN_SAMPLES = 4
 
 @dataclass(frozen=True)
 class Record:
-    """One trajectory, of some rows of a table whose clock showed ``origin + t``.
-
-    NaN stands for an unknown initial state or no value; without any output `y` is None.
-    """
+    """One trajectory, whose clock showed ``origin + t``; NaN stands for what is unknown."""
 
     t: np.ndarray
     u: np.ndarray
