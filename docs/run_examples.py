@@ -14,7 +14,8 @@ import matplotlib
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 FOLDER = Path(__file__).parent / "_static" / "examples"
-LONG = ("plot_mpc_golf_robot", "plot_pgnnl_golf_robot", "plot_tune_lambda_phy")
+FIELDS = sorted(path.stem for path in EXAMPLES.glob("plot_field_*.py"))
+LONG = ("plot_mpc_golf_robot", "plot_pgnnl_golf_robot", "plot_tune_lambda_phy", *FIELDS)
 
 
 def run(name: str) -> None:

@@ -164,6 +164,7 @@ SHORTER_EXAMPLES = {
     "ModelDiagnosis(machine.prior)": (
         "ModelDiagnosis(machine.prior, catalogue=['stribeck_friction', 'input_dead_zone'])"
     ),
+    "ModelDiagnosis(model)": "ModelDiagnosis(model, catalogue=['coulomb_friction'])",
     "np.arange(0, 30, 0.02)": "np.arange(0, 15, 0.02)",
     "sample_rate=200)": "duration=5, sample_rate=50)",
     "PGNNLRegressor(states=": f"PGNNLRegressor({BRIEF}, states=",

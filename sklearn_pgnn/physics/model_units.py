@@ -21,10 +21,10 @@ def unit_of(expression: sympy.Expr | None, unit: Callable[[str], str]) -> str:
     where the parts of a sum differ, or where the unit cannot be told. An angle counts as a number
     in a product with other quantities.
 
-    >>> x, y, k, w = sympy.symbols("x y k w")
-    >>> units = {"x": "m", "y": "m", "k": "V s/rad", "w": "rad/s"}
-    >>> [unit_of(each, units.get) for each in (x + y, k * w, x * w, w / k, 3.6 * x)]
-    ['m', 'V', 'm/s', '1/(V s^2)', '']
+    >>> x, y, k, w, C, T = sympy.symbols("x y k w C T")
+    >>> units = {"x": "m", "y": "m", "k": "V s/rad", "w": "rad/s", "C": "J/K", "T": "degC"}
+    >>> [unit_of(each, units.get) for each in (x + y, k * w, x * w, w / k, 3.6 * x, C * T)]
+    ['m', 'V', 'm/s', '1/(V s^2)', '', 'J']
     """
     if isinstance(expression, sympy.Symbol):
         return unit(str(expression))
@@ -68,6 +68,7 @@ def _product(parts: list[dict[str, Fraction] | None]) -> dict[str, Fraction] | N
         if part is None:
             return None
         for name, power in part.items():
+            name = "K" if name in ("degC", "°C") else name  # a difference of two
             whole[name] = whole.get(name, Fraction(0)) + power
     kept = {name: power for name, power in whole.items() if power}
     is_angle = not set(kept) - {"rad", "s"}
