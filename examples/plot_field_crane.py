@@ -85,10 +85,10 @@ display = diagnosis.plot()
 # The decision
 # ------------
 # The rail, not the rope. Dry friction and a constant load are together a friction that is larger in
-# one direction: a wheel that runs on its flange. A rail that is not level does the same, and so does
-# a motor whose zero is off, and no record separates these; a spirit level does. Until the rail is
-# set right both are compensated in the motor's command, and the free run of the extended model, in
-# metres, says how well that will do.
+# one direction: a wheel that runs on its flange. A rail that is not level does the same, and so
+# does a motor whose zero is off, and no record separates these; a spirit level does. Until the rail
+# is set right both are compensated in the motor's command, and the free run of the extended model,
+# in metres, says how well that will do.
 print(diagnosis.free_run_["x"])
 
 # %%
