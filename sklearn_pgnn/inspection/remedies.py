@@ -62,8 +62,11 @@ def spread_sentence(diagnosis) -> str:
         lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
         said.append(
             f"{listed(names)} {lies} at {bounds} of the model file: {due} may come from that. If "
-            f"values beyond are physically possible, give wider bounds, and diagnose again."
+            f"values beyond are possible, give wider bounds, and diagnose again."
         )
+    known = diagnosis.model.parameters.items()
+    if names := [name for name, p in known if p.value * retuned.parameters[name].value < 0]:
+        said.append(f"{listed(names)} changed sign: give bounds if that cannot be.")
     return " ".join(said)
 
 

@@ -22,11 +22,7 @@ LOST = 1e-6
 
 
 def rounded(value: Any) -> str:
-    """Return a value as text, its numbers with four digits.
-
-    >>> rounded({"m": 2.000049}), rounded("kg")
-    ("{'m': 2}", "'kg'")
-    """
+    """Return a value as text, its numbers with four digits."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k!r}: {rounded(v)}" for k, v in value.items()) + "}"
     return f"{value:.4g}" if isinstance(value, float) else repr(value)
