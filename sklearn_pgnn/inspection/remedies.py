@@ -65,8 +65,8 @@ def spread_sentence(diagnosis) -> str:
             f"values beyond are possible, give wider bounds, and diagnose again."
         )
     known = diagnosis.model.parameters.items()
-    if names := [name for name, p in known if p.value * retuned.parameters[name].value < 0]:
-        said.append(f"{listed(names)} changed sign: give bounds if that cannot be.")
+    if turned := [name for name, p in known if p.value * retuned.parameters[name].value < 0]:
+        said.append(f"{listed(turned)} changed sign: give bounds if that cannot be.")
     return " ".join(said)
 
 
