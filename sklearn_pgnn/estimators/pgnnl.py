@@ -35,7 +35,7 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.network_run import network_record
 from sklearn_pgnn.threads import one_thread_each
-from sklearn_pgnn.trajectories import rows_in_order
+from sklearn_pgnn.trajectories.reader import rows_in_order
 from sklearn_pgnn.trajectories.validation import (
     GapScoreMixin,
     refuse_fit_params,

@@ -49,7 +49,6 @@ from sklearn_pgnn.simulation.uncertainty import (
     trusted_spread,
 )
 from sklearn_pgnn.threads import local_threads, one_thread_each
-from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.contradicted_states import (
     told_in_all,
     warn_of_contradicted_states,
@@ -58,6 +57,7 @@ from sklearn_pgnn.trajectories.contradicted_states import (
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised, warn_of_standardised_outputs
 from sklearn_pgnn.trajectories.measured import of_measured, warn_of_constant_outputs
+from sklearn_pgnn.trajectories.reader import read_records, rows_in_order
 from sklearn_pgnn.trajectories.record import warn_of_repeats
 from sklearn_pgnn.trajectories.validation import (
     GapScoreMixin,

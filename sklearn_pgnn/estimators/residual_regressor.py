@@ -27,14 +27,13 @@ from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_contradicted_states,
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.measured import warn_of_constant_outputs
-from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY, read_records, rows_in_order
 from sklearn_pgnn.trajectories.tables import SIMULATED, is_named, place_of, time_name
 from sklearn_pgnn.trajectories.validation import (
     GapScoreMixin,

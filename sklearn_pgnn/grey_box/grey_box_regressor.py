@@ -40,13 +40,13 @@ from sklearn_pgnn.grey_box.time_limit import TimeLimit, said_of
 from sklearn_pgnn.model_selection.search_space import searched_parts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
-from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.contradicted_states import (
     told_in_all,
     warn_of_missing_starts,
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.reader import read_records, rows_in_order
 from sklearn_pgnn.trajectories.validation import (
     GapScoreMixin,
     refuse_fit_params,

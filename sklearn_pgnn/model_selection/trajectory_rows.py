@@ -9,8 +9,7 @@ import pandas as pd
 from sklearn.utils import check_consistent_length, check_random_state
 
 from sklearn_pgnn.annotations import Column, RandomState, Table
-from sklearn_pgnn.trajectories import split_rows
-from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
 from sklearn_pgnn.trajectories.tables import as_table, is_named, read_clock, take_rows
 
 WAYS = ("trajectory", "time")

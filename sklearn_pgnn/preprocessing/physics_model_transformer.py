@@ -18,9 +18,16 @@ from sklearn_pgnn.simulation.finite_run import FreeRuns, quantities_of
 from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY, read_outputs, refuse_other_order
+from sklearn_pgnn.trajectories.reader import (
+    TIME,
+    TRAJECTORY,
+    read_outputs,
+    read_records,
+    refuse_other_order,
+    rows_in_order,
+    split_rows,
+)
 from sklearn_pgnn.trajectories.tables import SIMULATED, column_of, time_name
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 from sklearn_pgnn.user_line import warn_user

@@ -23,7 +23,7 @@ from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of, told_steps
 from sklearn_pgnn.simulation.stepping import usual_interval
 from sklearn_pgnn.simulation.substeps import Steps
-from sklearn_pgnn.trajectories import rows_in_order
+from sklearn_pgnn.trajectories.reader import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
 
 #: variances that a filter's process noise adds per sample, as shares of the states' variances

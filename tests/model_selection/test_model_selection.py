@@ -33,7 +33,7 @@ from sklearn_pgnn.model_selection import (
 from sklearn_pgnn.model_selection.pareto_front import _not_dominated
 from sklearn_pgnn.model_selection.trajectory_rows import deal_in_order
 from sklearn_pgnn.simulation.finite_run import FreeRuns
-from sklearn_pgnn.trajectories import split_rows
+from sklearn_pgnn.trajectories.reader import split_rows
 
 GOLF = systems.golf_robot()
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics import PhysicsModel
-from sklearn_pgnn.trajectories import Record, read_records, rows_in_order, split_rows
+from sklearn_pgnn.trajectories.reader import read_records, rows_in_order, split_rows
+from sklearn_pgnn.trajectories.record import Record
 
 pytestmark = pytest.mark.core
 
