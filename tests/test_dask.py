@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.model_selection import GridSearchCV
+from sledge import SLEDGE as CART
 
 from sklearn_pgnn import (
     ModelDiagnosis,
     PGNNLRegressor,
-    PhysicsModel,
     PhysicsModelRegressor,
     effects,
 )
@@ -22,9 +22,6 @@ from sklearn_pgnn.model_selection import TrajectoryKFold
 
 distributed = pytest.importorskip("distributed")
 
-CART = PhysicsModel(
-    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
-)
 run_batch = fits_ahead._run
 CATALOGUE = (effects.CoulombFriction, effects.QuadraticDrag)
 

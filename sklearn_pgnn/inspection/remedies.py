@@ -55,7 +55,7 @@ def spread_sentence(diagnosis) -> str:
         shares = listed(f"{100 * diagnosis.model.parameters[name].spread:.3g} %" for name in names)
         said.append(
             f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed, "
-            f"{shares} of its value: {due} may come from a wrong parameter value. If it is not "
+            f"{shares} of the value: {due} may come from a wrong parameter value. If it is not "
             f"known that well, give a wider spread, or spread: .inf, and diagnose again."
         )
     if names := at_bounds(retuned):

@@ -101,9 +101,10 @@ class _Check:
 
     def of_rate(self, state: str, rate: sympy.Expr = sympy.S.Zero) -> "Quantity | None":
         """Return what the rate of a state measures; a number per time counts seconds."""
-        unit, per_second, got = self.table.get(state), read_unit("1/s"), self.measure(rate)
+        unit, per_second = self.table.get(state), read_unit("1/s")
         if unit is not None:
             return unit * per_second
+        got = self.measure(rate)
         return per_second if got is not None and is_like(got, per_second) else None
 
     def ask_balance(

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 from schemas import faults
+from sledge import SLEDGE
 
 from sklearn_pgnn import PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
@@ -38,10 +39,7 @@ def table(seed=0, level=0.4):
     rng = np.random.default_rng(seed)
     t = np.arange(0, 15, 0.05)
     force = 2 * np.sin((0.7 + 0.2 * seed) * t) + np.sin(1.9 * t)
-    model = PhysicsModel(
-        {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
-    )
-    rig = model + effects.CoulombFriction("v", level=level)
+    rig = SLEDGE + effects.CoulombFriction("v", level=level)
     speed = rig.simulate(t, force, substeps=5).y[:, 0] + 1e-3 * rng.standard_normal(t.size)
     return pd.DataFrame({"t": t, "F": force, "speed": speed})
 

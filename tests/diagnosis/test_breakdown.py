@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from schemas import faults
 from sklearn.exceptions import NotFittedError
+from sledge import SLEDGE as CART
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import formula_selection, model_diagnosis
@@ -24,9 +25,6 @@ from sklearn_pgnn.record_quality import checks
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.trajectories import read_files
 
-CART = PhysicsModel(
-    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
-)
 CANDIDATES = (effects.CoulombFriction, effects.ConstantLoad)
 
 

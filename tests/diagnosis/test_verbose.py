@@ -4,16 +4,10 @@ import pickle
 
 import numpy as np
 import pytest
+from sledge import SLEDGE as CART
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn import ModelDiagnosis, effects
 
-CART = PhysicsModel(
-    {"v": "m/s"},
-    {"v": "(F - d*v)/m"},
-    {"m": 2.0, "d": 0.5},
-    {"F": "N"},
-    inertia={"v": "m"},
-)
 T = np.arange(0, 30, 0.02)
 X = np.column_stack([T, 2 * np.sin(0.7 * T) + np.sin(1.9 * T)])
 RIG = CART + effects.CoulombFriction("v", level=0.4)

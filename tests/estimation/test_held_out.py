@@ -1,8 +1,12 @@
 """Held out means held out: windows enough to learn from, of the length that was asked for."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
+from sledge import SLEDGE as CART
 
 from sklearn_pgnn import (
     ModelDiagnosis,
@@ -13,6 +17,7 @@ from sklearn_pgnn import (
     effects,
     systems,
 )
+from sklearn_pgnn.diagnosis.result import measure_gain
 from sklearn_pgnn.estimation import fold_fits, window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -22,15 +27,13 @@ from sklearn_pgnn.estimation.held_out import (
     make_folds,
 )
 from sklearn_pgnn.estimation.problem import build_problem, longer
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_selection import select_windows
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
 from sklearn_pgnn.simulation.window_fit import fit_windows
 from sklearn_pgnn.trajectories import read_records
 
-CART = PhysicsModel(
-    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
-)
 STEP = 0.02
 
 
@@ -368,3 +371,17 @@ def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_t
     assert diagnosis.records_.windows.scale[0] == pytest.approx(noise, rel=0.2)
     assert diagnosis.gain_["y"].extended == pytest.approx(noise, rel=0.2)
     assert len(diagnosis.records_.windows) >= MIN_WINDOWS
+
+
+def test_the_interval_of_the_gain_resamples_windows_and_not_their_blocks(monkeypatch):
+    """Windows that are all alike leave no doubt, however much their blocks differ."""
+    problem = problem_of((1600,), window_length=4.0)
+    problem = replace(problem, windows=replace(problem.windows, blocks=2))
+    one, tiles = Residuals(np.ones(1), np.ones(1), np.ones(1)), (len(problem.windows), 1, 1)
+    before, after = np.tile([[[900.0], [150.0]]], tiles), np.tile([[[100.0], [120.0]]], tiles)
+    left = {"held_out": lambda trial: HeldOut(one, one, 0.0, after)}
+    left |= {"white_squares": lambda trial: np.zeros(1)}
+    monkeypatch.setattr("sklearn_pgnn.diagnosis.result.block_squares", lambda *_: before)
+    fitter = SimpleNamespace(problem=problem, prior=None, **left)
+    gain = measure_gain(fitter, {"refitted": None, "extended": None}, 0)["v"]
+    assert gain.low == pytest.approx(gain.explained_share) == gain.high

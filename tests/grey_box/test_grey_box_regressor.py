@@ -11,12 +11,12 @@ from sklearn.ensemble import RandomForestRegressor
 from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
+from sledge import SLEDGE as CART
 
 from sklearn_pgnn import (
     EnsembleRegressor,
     GreyBoxRegressor,
     ModelDiagnosis,
-    PhysicsModel,
     PhysicsModelRegressor,
     ResidualRegressor,
     effects,
@@ -32,9 +32,6 @@ from sklearn_pgnn.grey_box.options import possible_depths
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.user_line import warn_user
 
-CART = PhysicsModel(
-    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
-)
 DRY = ModelDiagnosis(CART, catalogue=(effects.CoulombFriction,))
 TIMED = ("parameter_drift", "periodic_disturbance")
 QUICK = {"diagnosis": DRY, "depths": ("prior", "fitted", "extended")}

@@ -91,7 +91,9 @@ def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
     reach = model.parameters[first].reach
     found[first] = SimpleNamespace(value=values[first] + reach)
     said = spread_sentence(SimpleNamespace(model=model, parameters_=found, causes_=()))
+    assert "named" not in said
     assert said.startswith(f"{first} lies at the end of what the spread in the model file allowed")
+    assert said.endswith(", or spread: .inf, and diagnose again.")
     lag = PhysicsModel({"y": ""}, {"y": "-k*y"}, {"k": {"value": 2.0, "spread": math.inf}})
     turned = SimpleNamespace(model=lag, parameters_={"k": SimpleNamespace(value=-0.1)}, causes_=())
     assert spread_sentence(turned) == "k changed sign: give bounds if that cannot be."

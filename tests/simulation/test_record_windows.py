@@ -37,9 +37,8 @@ def test_parameters_are_found_from_few_measured_samples():
 @pytest.mark.parametrize("hold", [20, 40])
 def test_an_input_that_steps_at_regular_times_steps_within_windows(hold):
     """Else the resistance of a cell is as good as the charge at which a window begins."""
-    cell = PhysicsModel(
-        {"z": ""}, {"z": "I/Q"}, {"Q": 1e4, "R": 0.03}, {"I": "A"}, {"V": "z + R*I"}
-    )
+    values, output = {"Q": 1e4, "R": 0.03}, {"V": "z + R*I"}
+    cell = PhysicsModel({"z": ""}, {"z": "I/Q"}, values, {"I": "A"}, output)
     t, random = np.arange(960.0), np.random.default_rng(0)
     current = np.repeat(random.choice([-4.0, 0.0, 4.0], size=960 // hold), hold)
     y = cell.simulate(t, current).y + 1e-3 * random.normal(size=(960, 1))

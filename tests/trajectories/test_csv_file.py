@@ -196,8 +196,9 @@ def test_trajectories_of_several_files_are_told_apart(tmp_path):
 
 
 def test_no_file_is_refused():
-    with pytest.raises(RecordError, match=r"^expected at least one file of records, .*got none\.$"):
+    with pytest.raises(RecordError, match=r"^expected at least one file of records,") as caught:
         read_files([], CART)
+    assert str(caught.value).endswith("and at most one table of conditions, got none.")
 
 
 # -- what is the same all through a file -----------------------------------------------------------
@@ -222,8 +223,7 @@ def test_a_table_of_conditions_gives_inputs_of_files_and_folders(tmp_path):
         X = with_conditions(tmp_path, "file;load [g];by\nb.csv;500;Ann\na;2000;Bo\nold;1;Bo\n")
     loads = X.groupby("trajectory")["load"].first()
     assert loads.to_dict() == pytest.approx({"a": 2.0, "b": 0.5, "c": 0.001})
-    later = X["in_b__since_0p2"].to_numpy()
-    assert later.tolist() == [0.0] * 4 + [0.0, 0.0, 1.0, 1.0] + [0.0] * 4
+    assert X["in_b__since_0p2"].tolist() == [0.0] * 6 + [1.0] * 2 + [0.0] * 4
 
 
 @pytest.mark.parametrize(

@@ -85,11 +85,12 @@ def _sure(diagnosis) -> Tile:
         return Tile("look", about, "provisional", "not tested, for the search ended early")
     if diagnosis.causes_:
         cause = min(diagnosis.causes_, key=lambda each: each.probability)
-        more = "; ".join(["", _runner_up(diagnosis)]).rstrip("; ")
+        text = f"for {cause_name(cause.effect, cause.target)}"
         if cause.is_open:
-            more = f", which these records cannot distinguish from {rivals(cause)}"
+            text += f", which these records cannot distinguish from {rivals(cause)}"
+        elif nearest := _runner_up(diagnosis):
+            text += f"; {nearest}"
         sure = cause.probability >= SURE and not cause.is_open and diagnosis.complete_
-        text = f"for {cause_name(cause.effect, cause.target)}{more}"
         return Tile("good" if sure else "look", about, chance(cause.probability), text)
     if diagnosis.verdict_ == "unexplained":
         nearest = _runner_up(diagnosis)

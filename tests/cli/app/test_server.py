@@ -15,6 +15,7 @@ pytest.importorskip("starlette")
 
 from click.testing import CliRunner
 from served import Client, served
+from sledge import SLEDGE
 
 from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.cli import main
@@ -31,9 +32,6 @@ parameters:
 equations: {v: "(F - d*v)/m"}
 inertia: {v: m}
 """
-SLEDGE = PhysicsModel(
-    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
-)
 
 
 @pytest.fixture
