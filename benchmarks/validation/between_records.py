@@ -1,10 +1,11 @@
 """Validate what differs between records, and since when: hidden, and required to be found.
 
 Sixty cases hide a group (one record of eight, two or three of six), thirty a trend from record to
-record, sixty an onset within one record or in all, thirty a parameter that depends on a condition,
-and sixty nothing. Run ``python benchmarks/validation/between_records.py [--jobs 2]`` for these,
-``--development`` for others to work with, and ``--only group onset`` and ``--count 20`` for some of
-them, drawn at random. A run that was stopped goes on from its file of JSON lines.
+record, sixty an onset within one record or in all, thirty a growth from an onset on, thirty a
+parameter that depends on a condition, and sixty nothing. Run
+``python benchmarks/validation/between_records.py [--jobs 2]`` for these, ``--development`` for
+others to work with, and ``--only group onset`` and ``--count 20`` for some of them, drawn at
+random. A run that was stopped goes on from its file of JSON lines.
 """
 
 import argparse
@@ -27,14 +28,15 @@ from sklearn_pgnn.physics.effects import ParameterSlope
 from sklearn_pgnn.physics.effects.differences import (
     DIFFERENCES,
     IN,
-    SINCE,
     TREND,
     ParameterDifference,
+    mark_at,
+    parsed,
 )
 from sklearn_pgnn.physics.effects.targets import pair, parts
 
 #: number of cases of every kind
-COUNTS = {"group": 60, "trend": 30, "onset": 60, "condition": 30, "nothing": 60}
+COUNTS = {"group": 60, "trend": 30, "onset": 60, "condition": 30, "nothing": 60, "growth": 30}
 #: records of a group, and of all
 GROUPS = ((2, 6), (3, 6), (1, 8))
 #: smallest and largest difference as a share of the quantity, and least change of an output that
@@ -42,7 +44,7 @@ GROUPS = ((2, 6), (3, 6), (1, 8))
 SMALLEST, LARGEST, SHOWN = 0.05, 0.5, 3.0
 #: what the column is called while the truth is simulated, and the condition
 HIDDEN, CONDITION = f"{IN}truth", "load"
-#: error of an onset as a share of the record's length
+#: error of a sudden onset as a share of the record's length; that of growth is in its interval
 ONSET = 0.03
 
 
@@ -141,7 +143,7 @@ def _column(kind, t, n_records, picked, rng):
         return column + rng.permutation(np.linspace(0.0, 2.0, n_records))[:, None], (), None
     of = range(n_records) if rng.uniform() < 0.3 else [int(rng.integers(n_records))]
     onset = float(t[0] + rng.uniform(0.1, 0.5) * (t[-1] - t[0]))
-    column[of] = t >= onset
+    column[of] = mark_at(t, onset, t[-1] if kind == "growth" else None)
     return column, of, onset
 
 
@@ -190,14 +192,17 @@ def _is_it(case, made, diagnosis, cause) -> bool:
     column = parts(named)[1]
     if case.kind in ("condition", "trend"):
         return column == {"condition": CONDITION, "trend": TREND}[case.kind]
-    since = column.partition(SINCE)[2]
+    _, since, until = parsed(column)
     if sorted(map(str, diagnosis.groups_.get(column, ()))) != sorted(made.records):
         return False
     if made.onset is None:
-        return not since
+        return since is None
+    if case.kind == "growth":
+        return until is not None and cause.onset.low <= made.onset <= cause.onset.high
     record = made.X["trajectory"].astype(str) == made.records[0]
     length = float(np.ptp(made.X["t"][record]))
-    return bool(since) and abs(cause.onset.value - made.onset) < ONSET * length
+    is_sudden = since is not None and until is None
+    return is_sudden and abs(cause.onset.value - made.onset) < ONSET * length
 
 
 def main():

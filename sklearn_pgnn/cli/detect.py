@@ -18,6 +18,7 @@ from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import least_size
 from sklearn_pgnn.inspection.result_files import as_strict_json
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 
 #: what a model that leaves structure hides
 HIDES = (
@@ -44,6 +45,7 @@ class DetectJob:
     ):
         read, self.X, self.y = read_model_and_records(model, data, sample_time)
         self.power, self.effects = power, choose_effects(catalogue, exclude)
+        self.differences = () if tuple(catalogue) else DIFFERENCES
         self.targets = choose_targets(targets, read)
         check_candidates(read, self.effects, self.targets)
         self.diagnosis = ModelDiagnosis(
@@ -53,7 +55,8 @@ class DetectJob:
     def run(self, progress: Callable) -> Detectability:
         """Re-tune the model, and add every effect to it."""
         self.diagnosis.set_params(progress=progress).fit(self.X, self.y)
-        return self.diagnosis.detectability(self.effects, self.targets, power=self.power)
+        effects = (*self.effects, *self.differences)
+        return self.diagnosis.detectability(effects, self.targets, power=self.power)
 
     def print_summary(self, found: Detectability, *, as_json: bool, quiet: bool) -> None:
         """Print the smallest sizes."""

@@ -426,7 +426,7 @@ def _groups_that_differ(found: Findings) -> list[Group]:
     groups = [group for fit in fits if (group := find_group(problem, fit, tick))]
     if not groups or groups[0].share < found.search.criterion.smallest_share:
         return []
-    return list({group[:2]: group for group in groups}.values())
+    return list({group[:3]: group for group in groups}.values())
 
 
 def _provisional(found: Findings) -> Findings:

@@ -53,7 +53,13 @@ from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimators.progress import with_progress
 from sklearn_pgnn.exceptions import DiagnosisWarning, RecordWarning
-from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all, with_verdict
+from sklearn_pgnn.experiment_design.detectability import (
+    Detectability,
+    Detectable,
+    detect_all,
+    in_last_record,
+    with_verdict,
+)
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
 from sklearn_pgnn.experiment_design.separation import (
     Separation,
@@ -62,6 +68,7 @@ from sklearn_pgnn.experiment_design.separation import (
 )
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import read_catalogue
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.record_quality.checks import check_data_quality
@@ -602,12 +609,14 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
         Every effect is added to the extended model, which is simulated with the records' own
         inputs, initial states and noise; the model is then re-tuned, and the residuals are judged
-        by the evidence, the share and the free run that a cause needs to be named.
+        by the evidence, the share and the free run that a cause needs to be named. What may differ
+        between records (``"parameter_difference"`` and the like) is another in the last of them.
 
         Parameters
         ----------
         effects : sequence of type[Effect] or str, optional
-            The effects, or their ids; by default the catalogue of the diagnosis.
+            The effects, or their ids; by default the catalogue of the diagnosis, and of several
+            records what may differ between them.
         targets : sequence of str, optional
             The targets they act on; by default all that are possible.
         power : float, default=0.9
@@ -651,23 +660,27 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         True
         """
         check_is_fitted(self)
-        catalogue = read_catalogue(self.catalogue if effects is None else effects)
+        several = DIFFERENCES if len(self.records_.names) > 1 else ()
+        known = (*read_catalogue(self.catalogue), *several)
+        catalogue = known if effects is None else read_catalogue(effects)
         check_targets(self.model, targets, catalogue)
         check_detectability(power, noise)
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
-        candidates = possible_causes(self.model, catalogue, targets)
-        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self._show)
-        if verify:
+        asked = [(analysis, possible_causes(self.model, catalogue, targets))]
+        if several and (kinds := [kind for kind in catalogue if kind in DIFFERENCES]):
+            asked.append(in_last_record(analysis, kinds, targets))
 
-            def diagnose(X: pd.DataFrame, y: pd.DataFrame) -> list[set[tuple[str, str]]]:
-                settings = {"model": self.extended_model_, "catalogue": catalogue}
-                silent = {"time_column": None, "progress": None, "verbose": 0}
-                again = clone(self).set_params(**settings, **silent)
-                named = again.fit(X, y).causes_
-                return [{c[:2] for c in (pair_of(cause), *cause.confused_with)} for cause in named]
+        def diagnose(X: pd.DataFrame, y: pd.DataFrame) -> list[set[tuple[str, str]]]:
+            settings = {"model": self.extended_model_, "catalogue": catalogue}
+            silent = {"time_column": None, "progress": None, "verbose": 0}
+            named = clone(self).set_params(**settings, **silent).fit(X, y).causes_
+            return [{c[:2] for c in (pair_of(cause), *cause.confused_with)} for cause in named]
 
-            rows = tuple(with_verdict(analysis, row, diagnose) for row in rows)
+        rows: tuple[Detectable, ...] = ()
+        for each, candidates in asked:
+            of = detect_all(each, candidates, power, sizes, self.n_jobs, self._show)
+            rows += tuple(with_verdict(each, row, diagnose) for row in of) if verify else of
         return Detectability(rows, float(power), tuple(map(float, sizes)))
 
     @one_thread_each()

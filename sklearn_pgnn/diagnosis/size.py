@@ -16,6 +16,7 @@ from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.effects.differences import mark_at, parsed
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
     curvatures,
@@ -87,15 +88,15 @@ def _likelihood_interval(
 def onset_interval(
     fitter: WindowFitter, trial: FittedHypothesis, column: str
 ) -> tuple[float, float]:
-    r"""Return the 95 % interval of the time [s] from which on a column is one.
+    r"""Return the 95 % interval of the time [s] from which on a column is one, or grows to it.
 
     It holds the onsets :math:`\tau` with which the objective, fitted again, is
 
     .. math:: S(\tau) \le S(\hat\tau) + c\,s, \qquad (1 - e^{-c/2})^2 = 0.95,
 
     with the dispersion :math:`s` of the residuals: the objective has a corner at an onset, so that
-    its rise has another distribution than that of a parameter [1]_. Between two samples an onset
-    may lie anywhere.
+    its rise has another distribution than that of a parameter [1]_, which an even growth has.
+    Between two samples an onset may lie anywhere.
 
     .. [1] B. E. Hansen, "Sample splitting and threshold estimation", Econometrica 68(3), 2000,
        :doi:`10.1111/1468-0262.00124`.
@@ -103,21 +104,23 @@ def onset_interval(
     problem, windows, fit = fitter.problem, fitter.problem.windows, trial.fit
     place = list(problem.prior.inputs).index(column)
     record = windows.record_at(np.arange(len(windows.t)))
-    marked = windows.u[:, place] > 0.0
+    marked, (*_, until) = windows.u[:, place] > 0.0, parsed(column)
     is_in = np.isin(record, record[marked])
     times = np.unique(windows.t[is_in])
     dispersion = max(fit.objective / problem.n_samples, 1.0)
-    most = fit.objective - 2.0 * math.log(1.0 - math.sqrt(0.95)) * dispersion
+    rise = NORMAL_95**2 if until is not None else -2.0 * math.log(1.0 - math.sqrt(0.95))
+    most = fit.objective + rise * dispersion
 
     def is_possible(k: int) -> bool:
         u = windows.u.copy()
-        u[:, place] = is_in & (windows.t >= times[k])
+        u[:, place] = is_in * mark_at(windows.t, times[k], until)
         moved = replace(windows, u=u)
         return fitter.objective_with(trial, fit.model, moved, fit.freedoms) <= most
 
-    here = int(np.searchsorted(times, windows.t[marked].min()))
-    low, high = (_last(is_possible, here, end) for end in (0, len(times) - 1))
-    return float(times[max(low - 1, 0)]), float(times[high])
+    grows = until is not None  # it is zero at its onset
+    here = int(np.searchsorted(times, windows.t[marked].min())) - grows
+    low, high = (_last(is_possible, here, end) for end in (0, len(times) - 1 - grows))
+    return float(times[max(low - 1, 0)]), float(times[high + grows])
 
 
 def _last(is_possible: Callable[[int], bool], here: int, end: int) -> int:

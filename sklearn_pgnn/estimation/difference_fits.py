@@ -12,6 +12,7 @@ from sklearn_pgnn.estimation.record_groups import Group, marks_of
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.physics.effects.differences import IN, Difference
 from sklearn_pgnn.physics.effects.targets import pair
+from sklearn_pgnn.simulation.uncertainty import NORMAL_95
 from sklearn_pgnn.simulation.window_fit import EachStep, ParameterPrior, WindowFit, fit_windows
 
 #: a column that is one in every record: what differs in all of them is what any may differ in
@@ -29,28 +30,41 @@ class DifferenceFits:
 
     def __init__(self, problem: EstimationProblem, fit: WindowFit, each_step: EachStep):
         self.problem, self.fit, self.each_step = problem, fit, each_step
+        self.n_records = len(problem.windows.bounds) - 1
         self.record = problem.windows.record_at(np.arange(len(problem.windows.t)))
         self._usual: dict[tuple[type[Difference], str], float] = {}
 
     def best(self, groups: list[Group]) -> Group | None:
         r"""Return the group that leaves least, of those that explain most by a linear model.
 
-        They are in its order; one difference of each set of records, and the onsets of the first.
-        One of :math:`n` onsets costs :math:`2 \log n` squares.
+        They are in its order; one difference of each set of records, and the onsets of the first,
+        sudden or gradual. One of :math:`n` onsets costs :math:`2 \log n` squares.
         """
         of_records = {g.records: g for g in reversed(groups) if g.since is None}  # the last is best
         usual = sorted(of_records.values(), key=SHARE, reverse=True)[:KEPT]
         best = min(map(self.tried, usual), key=LEFT, default=None)
+        best = best and self._or_all_others(best)
         first = next((group for group in groups if group.since is not None), None)
         if first is None:
             return best
         near = [g for g in groups if g.records == first.records and g.since is not None]
-        of_each = {(group.kind, group.quantity): group for group in reversed(near)}
-        sudden, squares = self.settled(list(of_each.values())), self.fit.squares
-        dispersion = max(sudden.left * squares / self.problem.n_samples, 1.0)
+        later, squares = self.settled(_best_of_each(near)), self.fit.squares
+        otherwise = [g for g in near if g.what == later.what and g.is_sudden != later.is_sudden]
+        later = self.settled([later, *_best_of_each(otherwise)])
+        dispersion = max(later.left * squares / self.problem.n_samples, 1.0)
         price = 2.0 * np.log(len(self._times(first))) * dispersion
-        is_dear = best is not None and (best.left - sudden.left) * squares < price
-        return best if is_dear else sudden
+        is_dear = best is not None and (best.left - later.left) * squares < price
+        return best if is_dear else later
+
+    def _or_all_others(self, group: Group) -> Group:
+        """Return the group, or all other records if it is these that are not as usual."""
+        if len(group.records) == self.n_records:
+            return group
+        rest = tuple(r for r in range(self.n_records) if r not in group.records)
+        others = group._replace(records=rest)
+        mine, theirs = (self._left(g, {MARKED: self._marks(g)}) for g in (group, others))
+        seen = NORMAL_95**2 * max(theirs / self.problem.n_samples, 1.0)
+        return others if theirs < mine - seen else group
 
     def settled(self, groups: list[Group]) -> Group:
         """Return the best group with its onset; the better half goes on to smaller steps."""
@@ -62,8 +76,9 @@ class DifferenceFits:
         return tried[0]
 
     def _times(self, group: Group) -> np.ndarray:
-        """Return the times of the samples of the records of a group."""
-        return np.unique(self.problem.windows.t[np.isin(self.record, group.records)])
+        """Return the times of the samples of the records of a group at which it can begin."""
+        times = np.unique(self.problem.windows.t[np.isin(self.record, group.records)])
+        return times if group.until is None else times[times < group.until]
 
     def _nearest(self, group: Group, step: int) -> Group:
         """Move the onset by steps of some samples as long as less is left."""
@@ -79,16 +94,18 @@ class DifferenceFits:
 
     def tried(self, group: Group) -> Group:
         """Return a group with what it explains beyond another usual value, and leaves."""
-        what = group.kind, group.quantity
+        what = group.what
         if what not in self._usual:
             self._usual[what] = self._left(group, {ALL: np.ones(len(self.record))})
-        n_records = len(self.problem.windows.bounds) - 1
-        marks = marks_of(group, self.record, self.problem.windows.t, n_records)
-        left = self._left(group, {ALL: np.ones(len(self.record)), MARKED: marks})
+        left = self._left(group, {ALL: np.ones(len(self.record)), MARKED: self._marks(group)})
         if not np.isfinite(left):
             return group._replace(share=0.0, left=np.inf)
         explained = self._usual[what] - left
         return group._replace(share=explained / self.fit.squares, left=left / self.fit.squares)
+
+    def _marks(self, group: Group) -> np.ndarray:
+        """Return the column of a group."""
+        return marks_of(group, self.record, self.problem.windows.t, self.n_records)
 
     def _left(self, group: Group, columns: dict[str, np.ndarray]) -> float:
         """Return the squares that are left where a quantity is another by each of some columns."""
@@ -115,3 +132,8 @@ class DifferenceFits:
             if again.usable:
                 return again.squares
         return np.inf
+
+
+def _best_of_each(groups: list[Group]) -> list[Group]:
+    """Return the first group, the best, of every difference in a quantity."""
+    return list({group.what: group for group in reversed(groups)}.values())

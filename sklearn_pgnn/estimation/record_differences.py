@@ -11,8 +11,8 @@ squares by :math:`s^2/h` beyond what all windows share: the parameters and the u
 
 The windows are those of some records, or those that begin after an onset, in one record or in all.
 Groups of records part these in the order of :math:`s/h` of each alone: a record more or less for
-which the quantity is larger is then the next best. For a trend from record to record the sums are
-weighted, from zero in the first record to one in the last.
+which the quantity is larger is then the next best. For a trend from record to record, and for what
+grows from an onset to the end, the sums are weighted from zero to one.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,10 +25,11 @@ import numpy as np
 from sklearn_pgnn.estimation.difference_fits import ALL, MARKED, ONSETS, SHARE, DifferenceFits
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.record_groups import Group
-from sklearn_pgnn.physics.effects.differences import DIFFERENCES, Difference
+from sklearn_pgnn.physics.effects.differences import DIFFERENCES, Difference, mark_at
 from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.normal_equations import Normal, project
+from sklearn_pgnn.simulation.uncertainty import NORMAL_95
 from sklearn_pgnn.simulation.window_fit import EachStep, WindowFit, prior_precision
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
@@ -73,6 +74,11 @@ class _Normal:
         return self._solved(self.gradient, self.own, self.mixed)[0]
 
     @property
+    def decrease(self) -> float:
+        """Decrease of squares where the quantity differs in all items."""
+        return float(self.summed([np.arange(len(self.gradient))]).from_each_on[0])
+
+    @property
     def from_each_on(self) -> np.ndarray:
         """Decrease of squares where the quantity differs from every item on to the last."""
         parts = (self.gradient, self.own, self.mixed)
@@ -94,28 +100,25 @@ def find_group(
         return None
     prior, windows = problem.prior, problem.windows
     wanted = [(kind, name) for kind in DIFFERENCES for name in kind.quantities_of(prior)]
+    seen = NORMAL_95**2 * max(fit.squares / problem.n_samples, 1.0)
     groups = [
-        Group(records, since, kind, name, decrease / fit.squares)
+        Group(records, since, until, kind, name, decrease / fit.squares)
         for (kind, name), normal in zip(wanted, _normals(problem, fit, wanted), strict=True)
-        for records, since, decrease in (
-            *_of_records(windows.record, normal, _goes_up(prior, fit, name)),
+        for records, since, until, decrease in (
+            *_of_records(windows.record, normal, _goes_up(prior, fit, name), seen),
             *_trend(windows, normal),
             *_since(windows, normal),
+            *_gradual(windows, normal),
         )
     ]
     groups += [
-        Group(
-            tuple(np.unique(windows.record[chosen]).tolist()),
-            since,
-            kind,
-            name,
-            float(normal.of(chosen).from_each_on[0]) / fit.squares,
-        )
+        Group(records, since, end and until, *what, normal.of(chosen).decrease / fit.squares)
         for since in _within_windows(problem)
-        for (kind, name), normal in zip(
-            wanted, _normals(problem, fit, wanted, (windows.t >= since).astype(float)), strict=True
+        for end in (None, windows.t.max())
+        for what, normal in zip(
+            wanted, _normals(problem, fit, wanted, mark_at(windows.t, since, end)), strict=True
         )
-        for chosen in _each_and_all(windows.record)
+        for records, until, chosen in _each_and_all(windows)
     ]
     groups.sort(key=SHARE, reverse=True)
     return DifferenceFits(problem, fit, each_step).best(groups)
@@ -133,7 +136,8 @@ def n_groups(problem: EstimationProblem) -> int:
     """Return how many groups of one quantity are compared."""
     count = len(problem.windows.bounds) - 1
     starts = max(2 * len(problem.windows) - count - 1, 0) + max(count - 1, 0) + (count > 2)
-    return starts + len(_within_windows(problem)) * len(_each_and_all(problem.windows.record))
+    within, of = max(2 * len(_within_windows(problem)), ONSETS - 1), _each_and_all(problem.windows)
+    return starts + within * len(of)
 
 
 def _normals(
@@ -182,12 +186,17 @@ def _goes_up(prior: PhysicsModel, fit: WindowFit, name: str) -> bool:
     return given is None or found is None or found.value >= given.value
 
 
-#: records, onset and decrease of squares
-_Found = tuple[tuple[int, ...], float | None, float]
+#: records, onset, end of growth, and decrease of squares
+_Found = tuple[tuple[int, ...], float | None, float | None, float]
 
 
-def _of_records(record: np.ndarray, normal: _Normal, goes_up: bool) -> Iterator[_Found]:
-    """Yield the group of records, fewer than the others, in which a difference explains most."""
+def _of_records(
+    record: np.ndarray, normal: _Normal, goes_up: bool, seen: float
+) -> Iterator[_Found]:
+    """Yield the group of records, fewer than the others, in which a difference explains most.
+
+    It has no records that explain less than what is seen in one.
+    """
     known = np.unique(record)
     if len(known) < 2:
         return
@@ -196,10 +205,11 @@ def _of_records(record: np.ndarray, normal: _Normal, goes_up: bool) -> Iterator[
     upper, lower = each.of(order), each.of(order[::-1])
     for part, places in ((upper, order), (lower, order[::-1])):
         left = (len(known) - (part is lower)) // 2  # of two equal parts only the upper one
-        decreases = part.from_each_on
-        first = max(range(len(known) - left, len(known)), key=lambda k: decreases[k], default=0)
-        if first > 0:
-            yield tuple(sorted(known[places[first:]].tolist())), None, float(decreases[first])
+        decreases, some = part.from_each_on, np.arange(len(known) - left, len(known))
+        if some.size:
+            first = some[decreases[some] >= decreases[some].max() - seen][-1]
+            of = tuple(sorted(known[places[first:]].tolist()))
+            yield of, None, None, float(decreases[first])
 
 
 def _trend(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
@@ -207,23 +217,38 @@ def _trend(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
     last = len(windows.bounds) - 2
     if last > 1:
         rising = normal.weighted(windows.record / last)
-        yield tuple(range(last + 1)), None, float(rising.from_each_on[0])
+        yield tuple(range(last + 1)), None, None, rising.decrease
 
 
 def _since(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
     """Yield the onset from which on a difference explains most, in every record and in all."""
     starts = windows.t[windows.starts]
-    for chosen in _each_and_all(windows.record):
+    for of, _, chosen in _each_and_all(windows):
         order = chosen[np.argsort(starts[chosen], kind="stable")]
         is_later = np.diff(starts[order], prepend=starts[order[0]]) > 0.0
         decreases = np.where(is_later, normal.of(order).from_each_on, 0.0)
         best = int(np.argmax(decreases))
         if is_later[best]:
-            of = tuple(np.unique(windows.record[chosen]).tolist())
-            yield of, float(starts[order[best]]), float(decreases[best])
+            yield of, float(starts[order[best]]), None, float(decreases[best])
 
 
-def _each_and_all(record: np.ndarray) -> list[np.ndarray]:
-    """Return the windows of all records together, and of each."""
-    known = np.unique(record)
-    return [np.arange(len(record)), *(np.flatnonzero(record == r) for r in known if known.size > 1)]
+def _gradual(windows: ShootingWindows, normal: _Normal) -> Iterator[_Found]:
+    """Yield the onset from which on a difference that grows explains most, in each and in all."""
+    starts = windows.t[windows.starts]
+    middle = (starts + windows.t[windows.starts + windows.lengths - 1]) / 2.0
+    for of, end, chosen in _each_and_all(windows):
+        mine, at = normal.of(chosen), middle[chosen]
+        onsets = np.quantile(starts[chosen], np.arange(1, ONSETS) / ONSETS).tolist()
+        decreases = [mine.weighted(mark_at(at, since, end)).decrease for since in onsets]
+        best = int(np.argmax(decreases))
+        yield of, onsets[best], end, decreases[best]
+
+
+def _each_and_all(windows: ShootingWindows) -> list[tuple[tuple[int, ...], float, np.ndarray]]:
+    """Return the records, their last time and their windows: of all together, and of each."""
+    known = np.unique(windows.record).tolist()
+    last, some = windows.t[windows.bounds[1:] - 1], [known, *([r] for r in known if len(known) > 1)]
+    return [
+        (tuple(of), float(last[of].max()), np.flatnonzero(np.isin(windows.record, of)))
+        for of in some
+    ]

@@ -12,9 +12,11 @@ from sklearn_pgnn.physics.effects.differences import (
     DIFFERENCES,
     IN,
     SINCE,
+    TO,
     TREND,
     Difference,
     cleaned,
+    mark_at,
 )
 from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -27,16 +29,28 @@ LONGEST = 60
 class Group(NamedTuple):
     """Records that may differ from the others, or from an onset on from what they were before.
 
-    All records without an onset differ by a trend from the first to the last. The difference
-    explains a share of the squares; a fit with it and with another usual value leaves a share.
+    With an end the difference grows evenly until then. All records without an onset differ by a
+    trend from the first to the last. The difference explains a share of the squares; a fit with it
+    and with another usual value leaves a share.
     """
 
     records: tuple[int, ...]
     since: float | None
+    until: float | None
     kind: type[Difference]
     quantity: str
     share: float
     left: float = 1.0
+
+    @property
+    def what(self) -> tuple[type[Difference], str]:
+        """The kind of difference, and in which quantity."""
+        return self.kind, self.quantity
+
+    @property
+    def is_sudden(self) -> bool:
+        """Whether the difference is whole from its onset on."""
+        return self.until is None
 
 
 class Marked(NamedTuple):
@@ -71,8 +85,7 @@ def marks_of(group: Group, record: np.ndarray, t: np.ndarray, n_records: int) ->
     """Return the column of a group, or of a trend, at samples of some records."""
     if group.since is None and len(group.records) == n_records:
         return record / (n_records - 1.0)
-    is_later = t >= (-np.inf if group.since is None else group.since)
-    return (np.isin(record, group.records) & is_later).astype(float)
+    return np.isin(record, group.records) * mark_at(t, group.since, group.until)
 
 
 def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> str:
@@ -87,5 +100,11 @@ def _column(model: PhysicsModel, records: tuple[Record, ...], group: Group) -> s
         name = f"{IN}group_{len(model.inputs)}"
     if group.since is None:
         return name
-    time = np.format_float_positional(group.since, 4, unique=False, fractional=False, trim="-")
-    return name + SINCE + re.sub(r"\W", "p", time)
+    since = name + SINCE + _written(group.since)
+    return since if group.until is None else since + TO + _written(group.until)
+
+
+def _written(time: float) -> str:
+    """Return a time [s] as it stands in a name."""
+    said = np.format_float_positional(time, 4, unique=False, fractional=False, trim="-")
+    return re.sub(r"\W", "p", said)

@@ -16,9 +16,12 @@ import pandas as pd
 from joblib import delayed
 
 from sklearn_pgnn.estimation.budgets import DECADES
+from sklearn_pgnn.estimation.record_differences import n_groups
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.differences import IN, Difference, cleaned
+from sklearn_pgnn.physics.effects.targets import pair
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.state_estimate import free_run
@@ -276,6 +279,31 @@ def _fits(model: PhysicsModel, cause: Effect) -> bool:
     return True
 
 
+def in_last_record(
+    analysis: PowerAnalysis, kinds: Sequence[type[Difference]], targets: Collection[str] | None
+) -> tuple[PowerAnalysis, tuple[Effect, ...]]:
+    """Return the analysis, and the candidates, of what may differ in the last of the records."""
+    records, model = analysis.records, analysis.model
+    windows, column = records.windows, IN + cleaned(records.names[-1])
+    candidates = tuple(
+        kind(pair(name, column))
+        for kind in kinds
+        for name in kind.quantities_of(model)
+        if targets is None or name in targets
+    )
+    marks = np.arange(len(windows.t)) >= windows.bounds[-2]
+    fit = records.fits["extended"]
+    marked = replace(
+        records,
+        windows=replace(windows, u=np.column_stack([windows.u, marks])),
+        fits={"extended": replace(fit, model=model.replace(inputs={**model.inputs, column: "1"}))},
+    )
+    n_compared = len(candidates) * n_groups(records.problem)
+    n_candidates = analysis.criterion.n_candidates + n_compared
+    criterion = replace(analysis.criterion, n_candidates=n_candidates)
+    return replace(analysis, records=marked, criterion=criterion), candidates
+
+
 # -- simulated records with one more effect, for testing the diagnosis itself ----------------------
 
 
@@ -308,7 +336,7 @@ def _table(
     analysis: PowerAnalysis, r: int, t: np.ndarray, u: np.ndarray, start: np.ndarray
 ) -> pd.DataFrame:
     model = analysis.records.problem.prior
-    table = pd.DataFrame(u, columns=list(model.inputs))
+    table = pd.DataFrame(u[:, : len(model.inputs)], columns=list(model.inputs))  # without marks
     table.insert(0, TIME, t)
     table.insert(0, TRAJECTORY, analysis.records.names[r])
     told = analysis.records.problem.states.told[r]

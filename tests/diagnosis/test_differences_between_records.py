@@ -172,7 +172,7 @@ def test_an_onset_has_no_interval_where_time_is_up(monkeypatch):
 @pytest.mark.parametrize(("since", "said"), [(97080.0, "97080"), (3.5561, "3.556"), (0.25, "0.25")])
 def test_an_onset_is_told_in_seconds(since, said):
     X, y = records(3, {}, (), n_records=1)
-    group = Group((0,), since, ParameterDifference, "k", 0.5)
+    group = Group((0,), since, None, ParameterDifference, "k", 0.5)
     marked = mark(CART, read_records(CART, X, y), group)
     assert where_of(marked.column) == f"since {said} s"
     assert marked.records[0].u[:, -1].sum() == (X["t"] >= since).sum()
@@ -180,7 +180,7 @@ def test_an_onset_is_told_in_seconds(since, said):
 
 def test_a_trend_rises_in_equal_steps_from_the_first_record_to_the_last():
     X, y = records(3, {}, (), n_records=3)
-    group = Group((0, 1, 2), None, ParameterDifference, "k", 0.5)
+    group = Group((0, 1, 2), None, None, ParameterDifference, "k", 0.5)
     marked = mark(CART, read_records(CART, X, y), group)
     assert [set(record.u[:, -1]) for record in marked.records] == [{0.0}, {0.5}, {1.0}]
     assert ParameterDifference.title("k(in_sequence)") == "k that changes from record to record"

@@ -242,7 +242,7 @@ def read_catalogue(catalogue: Iterable[type[Effect] | str] | None) -> tuple[type
             f"catalogue: expected a sequence of effects or of their ids, got {catalogue!r}. "
             f"Remedy: [effects.CoulombFriction], or ['coulomb_friction']."
         )
-    kinds = tuple(by_id(kind) if isinstance(kind, str) else kind for kind in catalogue)
+    kinds = tuple(find_effect(kind) if isinstance(kind, str) else kind for kind in catalogue)
     for kind in kinds:
         if not (isinstance(kind, type) and issubclass(kind, Effect)):
             raise OptionError(

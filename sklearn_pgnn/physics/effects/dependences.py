@@ -109,12 +109,13 @@ class ParameterSlope(ParameterDependence):
         """Return parameters with measured signals that they do not multiply themselves."""
         signals = [signal for signal in _shown(model) if not _drives_or_moves(model, signal)]
         linear, stores = _coefficients(model), first_order_states(model)
+        moved = {str(s) for mass in model.inertia.values() for s in mass.free_symbols}
         pairs = [(n, s) for n, by in linear.items() for s in signals if not _any_has(by, s)]
         pairs += [
             (n, s)
             for n in _others(model, linear)
             for s in signals
-            if s in model.inputs or (s in stores and not _is_capacity(model, n))
+            if s in model.inputs or (s in stores and n not in moved and not _is_capacity(model, n))
         ]
         units = {name: known.unit for name, known in model.parameters.items()}
         return tuple(
@@ -241,10 +242,9 @@ def _any_has(expressions: Iterable[sympy.Expr], signal: str) -> bool:
 
 def _others(model: PhysicsModel, linear: Collection[str]) -> Iterator[str]:
     """Yield the parameters that the rates are not linear in, or that only outputs hold."""
-    held = {s for mass in model.inertia.values() for s in mass.free_symbols}
     used = {s for e in (*model.equations.values(), *model.outputs.values()) for s in e.free_symbols}
     for name in model.free_parameters:
-        if name not in linear and symbol(name) in used - held and model.parameters[name].value:
+        if name not in linear and symbol(name) in used and model.parameters[name].value:
             yield name
 
 

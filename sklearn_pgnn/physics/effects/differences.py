@@ -25,11 +25,14 @@ IN = "in_"
 AND = "__"
 #: and before the time from which on they differ
 SINCE = "__since_"
+#: the time from which on what changes evenly changes no more
+TO = "__to_"
 #: the column that rises in equal steps from zero in the first record to one in the last
 TREND = f"{IN}sequence"
 #: stands for all records, and a column whose records are too many to name
 ALL = "all"
 _NUMBERED = re.compile(r"group_\d+")
+_COLUMN = re.compile(rf"{IN}(.*?)(?:{SINCE}([\dp]+)(?:{TO}([\dp]+))?)?")
 #: share of its value that a parameter at least keeps where its bounds set no limit
 LEFT = 0.001
 
@@ -38,11 +41,41 @@ def where_of(column: str) -> str:
     """Return the records of a group's column, and since when, as in a sentence."""
     if column == TREND:
         return "from record to record"
-    records, _, onset = column.removeprefix(IN).partition(SINCE)
+    records, since, until = parsed(column)
     *first, last = records.split(AND)
     where = f"in {', '.join(first)} and {last}" if first else f"in {last}"
-    since = f"since {onset.replace('p', '.')} s" if onset else ""
-    return since if since and records == ALL else f"{where} {since}".rstrip()
+    if since is None:
+        return where
+    when = f"since {since:g} s" if until is None else f"between {since:g} and {until:g} s"
+    return when if records == ALL else f"{where} {when}"
+
+
+def changes_evenly(column: str) -> bool:
+    """Return whether a column goes from zero to one in many steps."""
+    return column == TREND or parsed(column)[2] is not None
+
+
+def parsed(column: str) -> tuple[str, float | None, float | None]:
+    """Return the records of a group's column, since when they differ, and until when it grows.
+
+    >>> parsed("in_run_2__since_1p5__to_60")
+    ('run_2', 1.5, 60.0)
+    """
+    if (found := _COLUMN.fullmatch(column)) is None:
+        return column, None, None
+    since, until = (float(time.replace("p", ".")) if time else None for time in found.groups()[1:])
+    return found[1], since, until
+
+
+def mark_at(t: np.ndarray, since: float | None, until: float | None) -> np.ndarray:
+    """Return one, from an onset on if there is one, or evenly from zero there to one at an end.
+
+    >>> mark_at(np.arange(5.0), 1.0, None), mark_at(np.arange(5.0), 1.0, 3.0)
+    (array([0., 1., 1., 1., 1.]), array([0. , 0. , 0.5, 1. , 1. ]))
+    """
+    if until is not None and since is not None:
+        return np.clip((t - since) / (until - since), 0.0, 1.0)
+    return (t >= (-np.inf if since is None else since)).astype(float)
 
 
 def values_of(column: str) -> str:
@@ -51,8 +84,9 @@ def values_of(column: str) -> str:
     >>> values_of("in_run_2"), values_of("in_sequence")
     ('1 in run_2 and 0 elsewhere', '0 in the first record to 1 in the last')
     """
-    of_group = f"1 {where_of(column)} and 0 elsewhere"
-    return "0 in the first record to 1 in the last" if column == TREND else of_group
+    if column == TREND:
+        return "0 in the first record to 1 in the last"
+    return f"{'0 to 1' if changes_evenly(column) else '1'} {where_of(column)} and 0 elsewhere"
 
 
 def mark_of(column: str, records: tuple[str, ...]) -> tuple[float, str]:
@@ -84,12 +118,12 @@ def mark_by_name(column: str, names: Iterable[str], t: np.ndarray) -> np.ndarray
     array([0., 0., 1.])
     >>> mark_by_name("in_group_3", ["run-4"], np.arange(3.0))
     """
-    records, _, onset = column.removeprefix(IN).partition(SINCE)
+    records, since, until = parsed(column)
     if column == TREND or _NUMBERED.fullmatch(records):
         return None
     members = f"{AND}{records}{AND}"
     is_in = records == ALL or any(f"{AND}{cleaned(name)}{AND}" in members for name in names)
-    return (is_in & (t >= (float(onset.replace("p", ".")) if onset else -np.inf))).astype(float)
+    return is_in * mark_at(t, since, until)
 
 
 def cleaned(name: str) -> str:
@@ -108,8 +142,7 @@ def is_mark(model: PhysicsModel, name: str) -> bool:
 
 def onset_of(effect: Effect) -> float | None:
     """Return the time in a record from which on an effect acts [s], if it begins within one."""
-    onset = parts(effect.target)[1].partition(SINCE)[2]
-    return float(onset.replace("p", ".")) if onset else None
+    return parsed(parts(effect.target)[1])[1]
 
 
 @dataclass(frozen=True)
@@ -142,13 +175,20 @@ class Difference(Effect):
         """Return what differs, and where."""
         what, column = parts(target)
         phrase = cls.phrase.format(target=what)
-        if column == TREND:
+        if changes_evenly(column):
             return f"{phrase} that changes {where_of(column)}"
         return f"another {phrase} {where_of(column)}"
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return the unit of the quantity."""
         return {"target": model.unit(parts(self.target)[0])}
+
+    @classmethod
+    def typical(cls, target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
+        """Return the size of the quantity: of a parameter its value, 1 where it is 0."""
+        what = parts(target)[0]
+        known = model.parameters.get(what)
+        return {"target": scales.typical[what] if known is None else abs(known.value) or 1.0}
 
 
 @dataclass(frozen=True)
@@ -184,6 +224,8 @@ class ParameterDifference(Difference):
         said = [f"{value:.4g} {unit}".rstrip() for value in (usual, there)]
         if column == TREND:
             return f"{parameter} goes from {said[0]} in the first record to {said[1]} in the last."
+        if changes_evenly(column):
+            return f"{parameter} goes from {said[0]} to {said[1]} {where_of(column)}."
         return f"{parameter} is {said[0]}, and {said[1]} {where_of(column)}."
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
