@@ -57,8 +57,9 @@ class DifferenceFits:
         return best if is_dear else later
 
     def _or_all_others(self, group: Group) -> Group:
-        """Return the group, or all other records if it is these that are not as usual."""
-        if len(group.records) == self.n_records:
+        """Return the group, or all others if it is these that differ from what is given."""
+        is_fitted = any(free.name == group.quantity for free in self.fit.freedoms)
+        if is_fitted or len(group.records) == self.n_records:
             return group
         rest = tuple(r for r in range(self.n_records) if r not in group.records)
         others = group._replace(records=rest)

@@ -28,7 +28,7 @@ def read_each(
     Where outputs are needed, each of several files needs one, and every output one of the files.
     """
     given = [os.fspath(path) for path in paths]
-    of_conditions = [path for path in given if stem(path).lower() == CONDITIONS]
+    of_conditions = [path for path in given if is_conditions(path)]
     paths = [path for path in given if path not in of_conditions]
     if not paths or len(of_conditions) > 1:
         raise RecordError(
@@ -49,6 +49,15 @@ def read_each(
     Xs = _named([X for X, _ in found], [stem(table.path) for table in tables])
     _tell_marks(Xs, tables)
     return of_files(pd.concat(Xs, ignore_index=True)), y[[n for n in model.outputs or () if n in y]]
+
+
+def is_conditions(path: str) -> bool:
+    """Return whether a file is a table of conditions, by its name.
+
+    >>> is_conditions("day_1/Conditions.csv"), is_conditions("run_1.csv")
+    (True, False)
+    """
+    return stem(path).lower() == CONDITIONS
 
 
 def _conditions(table: FileTable, paths: Iterable[str]) -> dict[str, dict[str, float]]:

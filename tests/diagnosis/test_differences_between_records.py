@@ -1,5 +1,6 @@
 """Records of one machine that differ: hidden, and required to be found; nothing where none do."""
 
+import re
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -13,7 +14,7 @@ from sklearn_pgnn.diagnosis import result
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.estimation.record_groups import Group, mark
 from sklearn_pgnn.exceptions import RecordWarning
-from sklearn_pgnn.physics.effects.differences import ParameterDifference, where_of
+from sklearn_pgnn.physics.effects.differences import ParameterDifference, mark_at, where_of
 from sklearn_pgnn.trajectories import read_records
 
 CART = PhysicsModel(
@@ -59,18 +60,17 @@ def records(seed, change, others, n_records=6, rig=CART):
     return pd.concat(tables, ignore_index=True), np.concatenate(measured)
 
 
-def with_onset(seed, change, since, record=1, n_records=3):
-    """Return records of which one is of a machine that changes at some time."""
-    before, y = records(seed, {}, (), n_records)
-    rows = np.flatnonzero(before["trajectory"] == f"run_{record}")
-    t, F = before["t"].to_numpy()[rows], before["F"].to_numpy()[rows]
-    k = int(np.searchsorted(t, since))
-    first = CART.with_parameters(m=2.0, d=1.6, k=50.0).simulate(t[: k + 1], F[: k + 1], substeps=4)
-    later = CART.with_parameters(**{"m": 2.0, "d": 1.6, "k": 50.0, **change})
-    rest = later.simulate(t[k:] - t[k], F[k:], first.x[-1], substeps=4)
-    noise = NOISE * np.random.default_rng(seed).normal(size=t.size)
-    y[rows] = np.r_[first.y[:-1, 0], rest.y[:, 0]] + noise
-    return before, y
+def with_onset(seed, change, since, until=None, record=1, n_records=3):
+    """Return records of which one is of a machine that changes at some time, or from then on."""
+    X, y = records(seed, {}, (), n_records)
+    rows = np.flatnonzero(X["trajectory"] == f"run_{record}")
+    t, F = X["t"].to_numpy()[rows], X["F"].to_numpy()[rows]
+    usual, ((name, value),) = CART.with_parameters(m=2.0, d=1.6, k=50.0), change.items()
+    other = ParameterDifference(f"{name}(in_run)", value - usual.parameters[name].value)
+    rig = usual.replace(inputs={**CART.inputs, "in_run": ""}) + other
+    run = rig.simulate(t, np.column_stack([F, mark_at(t, since, until)]), substeps=4)
+    y[rows] = run.y[:, 0] + NOISE * np.random.default_rng(seed).normal(size=t.size)
+    return X, y
 
 
 def named(diagnosis):
@@ -159,6 +159,62 @@ def test_what_changes_within_a_record_is_named_with_its_onset(change, since):
     usual = {"d": 1.6, "k": 50.0}[name]
     estimate = diagnosis.causes_[0].parameters["difference"]
     assert estimate.value == pytest.approx(value - usual, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("change", "since"), [({"k": 44.0}, 2.5), ({"d": 3.0}, 1.4)])
+def test_what_grows_within_a_record_is_named_with_its_onset(change, since):
+    X, y = with_onset(31, change, since, until=7.98)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    ((effect, target),) = named(diagnosis)
+    ((name, value),) = change.items()
+    onset = diagnosis.causes_[0].onset
+    assert effect == "parameter_difference"
+    assert target.startswith(f"{name}(in_run_1__since_")
+    assert target.endswith("__to_7p98)")
+    assert onset.low <= since <= onset.high < onset.low + 0.2 * 8.0
+    said = rf"{name} goes from .* to .* in run_1 between .* and 7\.98 s \(onset between .* s\)\."
+    assert re.fullmatch(said, diagnosis.causes_[0].summary)
+    estimate = diagnosis.causes_[0].parameters["difference"]
+    assert estimate.value == pytest.approx(value - {"d": 1.6, "k": 50.0}[name], rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_mass_may_depend_on_what_holds_all_through_a_record():
+    load = np.array([0.0, 3.0, 1.0, 2.0, 0.5])
+    X, y = records(8, lambda r: {"m": 2.0 + 0.1 * load[r]}, range(5), n_records=5)
+    X["load"] = np.repeat(load, len(X) // 5)
+    model = CART.replace(inputs={**CART.inputs, "load": "kg"})
+    catalogue = (*CANDIDATES, effects.ParameterSlope)
+    diagnosis = ModelDiagnosis(model, catalogue=catalogue).fit(X, y)
+    assert named(diagnosis) == [("parameter_slope", "m(load)")]
+    slope = diagnosis.causes_[0].parameters["slope"]
+    assert slope.low <= 0.05 <= slope.high
+
+
+@pytest.mark.slow
+def test_records_whose_sensor_is_as_given_are_not_said_to_differ():
+    X, y = records(11, {"zero": 0.004}, (1, 3, 4))
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    column = "in_run_1__run_3__run_4"
+    assert named(diagnosis) == [("sensor_bias_difference", f"x_m({column})")]
+
+
+@pytest.mark.slow
+def test_the_detectable_difference_is_found_and_half_of_it_is_not():
+    X, y = records(3, {}, ())
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
+    (row,) = diagnosis.detectability(["parameter_difference"], ["d"]).rows
+    assert (row.target, row.parameter, row.unit) == ("d(in_run_5)", "difference", "N s/m")
+    truth = diagnosis.extended_model_.parameters["d"].value
+    for size, is_found in ((2.0, True), (0.5, False)):
+        other = {"d": truth + size * row.smallest}
+        usual = {n: diagnosis.extended_model_.parameters[n].value for n in ("m", "d", "k")}
+        again = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(
+            *records(4, lambda r, o=other, u=usual: {**u, **(o if r == 5 else {})}, range(6))
+        )
+        expected = [("parameter_difference", "d(in_run_5)")] if is_found else []
+        assert named(again) == expected
 
 
 def test_an_onset_has_no_interval_where_time_is_up(monkeypatch):

@@ -1,36 +1,41 @@
 """Assignment of a file's columns, with their units, to the quantities of a model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import pandas as pd
 
 from sklearn_pgnn.cli.inputs import positive
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.channel_kinds import usual_kind
+from sklearn_pgnn.physics.effects.differences import is_mark
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import open_csv
 from sklearn_pgnn.trajectories.file_table import FileTable
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
-from sklearn_pgnn.trajectories.several_files import read_each
+from sklearn_pgnn.trajectories.several_files import is_conditions, read_each, unique
 from sklearn_pgnn.trajectories.titles import unit_of
 
 #: key of the sample interval [s] in a mapping, for files without a time
 SAMPLE_TIME = "sample_time"
 
 
-def quantities(model: PhysicsModel) -> list[tuple[str, str, str]]:
+def quantities(model: PhysicsModel, known: Collection[str] = ()) -> list[tuple[str, str, str]]:
     """Return name, role and unit of all quantities that a file of records must contain.
+
+    A table of conditions has those that are known; marks of groups are known by the files' names.
 
     >>> quantities(PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"}))
     [('t', 'time', 's'), ('u', 'input', 'V'), ('y', 'output', 'V')]
     """
-    inputs = [(name, "input", model.unit(name)) for name in model.inputs]
+    told = [name for name in model.inputs if name not in known and not is_mark(model, name)]
+    inputs = [(name, "input", model.unit(name)) for name in told]
     outputs = [(name, "output", model.unit(name)) for name in model.outputs]
     return [(TIME, "time", "s"), *inputs, *outputs]
 
 
 def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
     """Return the columns that all files have, and the quantity that each may be."""
+    known, files = _conditions(model, files)
     tables = [_open(file, model) for file in files]
     first, shared = tables[0], list(tables[0].header)
     for file, table in zip(files, tables, strict=True):
@@ -42,7 +47,7 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
                 f"Remedy: use the same column names in all files."
             )
         shared = there
-    needed = quantities(model)
+    needed = quantities(model, known)
     kinds = {
         name: "" if role == "time" else model.channels.get(name) or usual_kind(model, name)
         for name, role, _ in needed
@@ -104,17 +109,27 @@ def read_mapped(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Read files as the X and y of a model, by a mapping of its quantities to their columns."""
     sample_time = _sample_time(mapping)
-    _check(model, mapping, sample_time)
+    _check(quantities(model, _conditions(model, files)[0]), mapping, sample_time)
     plain = model.replace(columns={})
-    labels = {file["file"]: file["label"] for file in files}
+    by_label = dict(zip(unique(file["label"] for file in files), files, strict=True))
 
     def opened(path: str, model: PhysicsModel, sample_time: float | None) -> FileTable:
-        table = _open({"file": path, "label": labels[path]}, model, sample_time)
-        table.header = _renamed(table.header, mapping)
-        table.units, table.path = {}, labels[path]
+        table = _open(by_label[path], model, sample_time)
+        table.path = by_label[path]["label"]
+        if not is_conditions(path):
+            table.header, table.units = _renamed(table.header, mapping, model), {}
         return table
 
-    return read_each(opened, list(labels), plain, sample_time)
+    return read_each(opened, list(by_label), plain, sample_time)
+
+
+def _conditions(
+    model: PhysicsModel, files: Sequence[Mapping]
+) -> tuple[frozenset[str], list[Mapping]]:
+    """Return the inputs that a table of conditions among files gives, and the files of records."""
+    tables = [_open(file, model) for file in files if is_conditions(file["label"])]
+    known = {name for table in tables for name in model.inputs if table.find(name) is not None}
+    return frozenset(known), [file for file in files if not is_conditions(file["label"])]
 
 
 def _open(file: Mapping, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
@@ -125,9 +140,10 @@ def _open(file: Mapping, model: PhysicsModel, sample_time: float | None = None) 
         raise RecordError(str(error).replace(file["file"], file["label"], 1)) from error
 
 
-def _renamed(header: Sequence[str], mapping: Mapping) -> list[str]:
+def _renamed(header: Sequence[str], mapping: Mapping, model: PhysicsModel) -> list[str]:
     """Return the columns' names in the model, with their units; other columns lose their names."""
-    named = [title if title == TRAJECTORY else "" for title in header]
+    kept = {TRAJECTORY, *(name for name in model.inputs if is_mark(model, name))}
+    named = [title if title in kept else "" for title in header]
     for name, said in mapping.items():
         place = None if name == SAMPLE_TIME else _place(said["column"], header)
         if place is not None and said["column"]:
@@ -137,9 +153,11 @@ def _renamed(header: Sequence[str], mapping: Mapping) -> list[str]:
     return named
 
 
-def _check(model: PhysicsModel, mapping: Mapping, sample_time: float | None) -> None:
+def _check(
+    needed: Sequence[tuple[str, str, str]], mapping: Mapping, sample_time: float | None
+) -> None:
     taken: dict[str, str] = {}
-    for name, role, _ in quantities(model):
+    for name, role, _ in needed:
         column = mapping.get(name, {}).get("column", "")
         if not column and not (name == TIME and sample_time is not None):
             remedy = "Remedy: choose one"

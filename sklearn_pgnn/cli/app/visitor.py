@@ -17,6 +17,7 @@ from sklearn_pgnn.cli.app.work import (
     Worker,
 )
 from sklearn_pgnn.stages import BEST, in_words
+from sklearn_pgnn.trajectories.several_files import is_conditions
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,7 @@ class Visitor:
         """Read the names of the files' columns; guess those that were not chosen, or are gone."""
         self.looked, self.result, self.message, self.running = False, None, "", None
         self.columns = None
-        if self.model is None or not self.records:
+        if self.model is None or all(is_conditions(record.label) for record in self.records):
             self.mapping = {}
             return
         self.columns = await self.ask({"do": "columns", "files": self.files})
