@@ -10,7 +10,7 @@ EXTRAS = {
     "control": ("control",),
     "dask": ("distributed",),
     "export": ("casadi", "onnx"),
-    "files": ("h5py", "openpyxl", "pyarrow"),
+    "files": ("h5py", "nptdms", "openpyxl", "pyarrow"),
     "fmu": ("fmpy",),
     "mdf": ("asammdf",),
     "network": ("skorch", "torch"),

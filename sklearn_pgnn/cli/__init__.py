@@ -61,6 +61,12 @@ def main() -> None:
 
 @click.command(epilog=EXAMPLE)
 @with_options(*RECORDS, output_option("DIR", "Folder for the results."), FORCE, *SHOW)
+@click.option(
+    "--runs",
+    type=click.Choice(("csv", "parquet", "mcap")),
+    help="Also write measured and simulated outputs, and the residual, over one time, to "
+    "DIR/runs.csv or such, with a layout for PlotJuggler, runs.xml.",
+)
 @with_options(*DIAGNOSIS, CORES, *TALK, LIST_EFFECTS)
 @job
 def diagnose(
@@ -72,6 +78,7 @@ def diagnose(
     force: bool,
     as_json: bool,
     opens: bool,
+    runs: str | None,
     **options: Any,
 ) -> Callable[[], object]:
     """Diagnose a model on records.
@@ -86,7 +93,7 @@ def diagnose(
     """
     from sklearn_pgnn.cli.diagnose import Job
 
-    asked = Job(model, data, output, quiet, force, as_json, opens, options)
+    asked = Job(model, data, output, quiet, force, as_json, opens, runs, options)
     done = asked.run(progress)
     return lambda: asked.print_summary(done)
 

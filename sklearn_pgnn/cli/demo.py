@@ -36,7 +36,7 @@ def run_demo(
             model, data = write_input(place)
     if words:
         _print_task(model, data)
-    job = Job(model, data, output, quiet, force, as_json, opens, {"n_jobs": n_jobs})
+    job = Job(model, data, output, quiet, force, as_json, opens, options={"n_jobs": n_jobs})
     with show_progress(quiet) as progress:
         done = job.run(progress)
     job.print_summary(done)

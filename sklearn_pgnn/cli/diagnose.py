@@ -30,6 +30,7 @@ from sklearn_pgnn.export import to_mjcf, to_urdf
 from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.inspection.result_files import EXTENDED, RIVALS, model_files
+from sklearn_pgnn.inspection.run_files import KINDS, RUNS, check_kind, simulated_records, write_runs
 from sklearn_pgnn.priors.robot_section import described_in
 from sklearn_pgnn.trajectories.files import read_files
 
@@ -37,7 +38,16 @@ from sklearn_pgnn.trajectories.files import read_files
 ROBOTS = {".urdf": to_urdf, ".xml": to_mjcf, ".mjcf": to_mjcf}
 ROBOT = "extended_model"
 #: the files of a diagnosis
-NAMES = ("diagnosis.json", EXTENDED, *(f"{ROBOT}{ending}" for ending in ROBOTS), "report.html")
+NAMES = (
+    "diagnosis.json",
+    EXTENDED,
+    *(f"{ROBOT}{ending}" for ending in ROBOTS),
+    "report.html",
+    *(f"{RUNS}.{ending}" for ending in (*KINDS, "xml")),
+)
+#: what is in the files of runs
+WHAT = "measured and simulated outputs, and the residual, over time"
+LAYOUT = "their layout for PlotJuggler"
 #: time [s] that a diagnosis gets in any case
 SOON = 1e-3
 
@@ -73,7 +83,8 @@ class Done(NamedTuple):
 class Job:
     """One call of ``sklearn-pgnn diagnose``.
 
-    With `quiet` the verdict only is printed, with `as_json` ``diagnosis.json`` in place of words.
+    With `quiet` the verdict only is printed, with `as_json` ``diagnosis.json`` in place of words;
+    `runs` is the kind of file for the records with their simulations, None for none.
     The options are ``sample_time`` as in `read_files`; words for ``noise``, ``catalogue``,
     ``exclude`` and ``targets``, see `sklearn_pgnn.cli.inputs`; all others as in `ModelDiagnosis`.
     """
@@ -85,10 +96,12 @@ class Job:
     force: bool = False
     as_json: bool = False
     opens: bool = False
+    runs: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def run(self, progress: Callable) -> Done:
         """Read, diagnose and write."""
+        check_kind(self.runs)
         rivals = sorted(file.name for file in Path(self.output).glob(RIVALS))
         earlier = check_free(Path(self.output), [*NAMES, *rivals], force=self.force)
         progress("reading the model and the records")
@@ -108,6 +121,8 @@ class Job:
             progress("writing the report")
             failed = write_results(folder, diagnosis, provenance)
             write_robot(described_in(self.model), diagnosis, folder)
+            if self.runs is not None and hasattr(diagnosis, "records_"):
+                write_runs(simulated_records(diagnosis), folder, self.runs)
             kept = sorted(file.name for file in folder.iterdir())
         remove_files(Path(self.output), {*rivals} - {*kept})
         if (error := broken or failed) is not None:
@@ -125,7 +140,8 @@ class Job:
         if self.as_json:
             click.echo(strict_json(done.diagnosis), nl=False)
         else:
-            print_diagnosis(done.diagnosis, Path(self.output), quiet=self.quiet)
+            more = {f"{RUNS}.{self.runs}": WHAT, f"{RUNS}.xml": LAYOUT} if self.runs else {}
+            print_diagnosis(done.diagnosis, Path(self.output), quiet=self.quiet, more=more)
         if self.opens:
             click.launch(str(Path(self.output, "report.html").absolute()))
 

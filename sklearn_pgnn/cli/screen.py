@@ -1,7 +1,7 @@
 """The result of a diagnosis, and the comparison of two, as printed to stdout."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,7 +65,13 @@ def described_files(diagnosis: "ModelDiagnosis") -> dict[str, str]:
     }
 
 
-def print_diagnosis(diagnosis: "ModelDiagnosis", output: Path, *, quiet: bool) -> None:
+def print_diagnosis(
+    diagnosis: "ModelDiagnosis",
+    output: Path,
+    *,
+    quiet: bool,
+    more: Mapping[str, str] | None = None,
+) -> None:
     """Print the findings of a diagnosis and the location of its files."""
     console = screen()
     if not quiet:
@@ -86,7 +92,7 @@ def print_diagnosis(diagnosis: "ModelDiagnosis", output: Path, *, quiet: bool) -
     _print_parameters(console, diagnosis)
     _print_errors(console, diagnosis)
     heading(console, "Written")
-    for name, what in described_files(diagnosis).items():
+    for name, what in {**described_files(diagnosis), **(more or {})}.items():
         console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
     say(console, f"{PROGRAM} explain {diagnosis.verdict_} says what the verdict means.", "dim")
 

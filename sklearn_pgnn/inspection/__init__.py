@@ -13,6 +13,7 @@ from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.missing_efforts import missing_efforts
 from sklearn_pgnn.inspection.report import Provenance, SourceFile, render_report, write_report
 from sklearn_pgnn.inspection.run_displays import ResidualDisplay, SimulationDisplay, resid
+from sklearn_pgnn.inspection.run_files import simulated_records
 from sklearn_pgnn.inspection.runs import fit_percentage
 from sklearn_pgnn.record_quality.identifiability import Identifiability, identifiability
 
@@ -38,5 +39,6 @@ __all__ = [
     "plot_diagnosis",
     "render_report",
     "resid",
+    "simulated_records",
     "write_report",
 ]

@@ -39,8 +39,10 @@ def read_file(
     r"""Read a file of measured samples as the X and y of a model, by its file extension.
 
     ``.mat`` holds vectors of equal length, in separate variables or in a struct; versions up to
-    7 need no further library, 7.3 needs h5py. ``.parquet`` needs pyarrow. ``.xlsx`` holds header
-    and samples on one of its sheets, and needs openpyxl. All of these come with
+    7 need no further library, 7.3 needs h5py, and so does ``.h5`` with its groups. ``.tdms`` needs
+    nptdms, and has channels in groups, with the time of their waveform. ``.parquet`` needs pyarrow;
+    a column ``state`` of vectors, as of LeRobot, is ``state/0``, ``state/1`` and so on. ``.xlsx``
+    holds header and samples on one of its sheets, and needs openpyxl. All of these come with
     ``pip install "sklearn-pgnn[files]"``. ``.mf4`` and ``.mdf`` (extra ``mdf``), and ROS bags
     (extra ``ros``), a ``.bag``, ``.mcap`` or ``.db3`` or the folder of ROS 2, hold channels with
     separate clocks: there is a row wherever an output was measured, with NaN in the other outputs,
@@ -266,16 +268,32 @@ def _load_parquet(path: str, model: PhysicsModel) -> pd.DataFrame:
     frame = _loaded(path, "a Parquet file", partial(pd.read_parquet, path, engine="pyarrow"))
     if isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex) and TIME not in frame:
         frame.insert(0, TIME, frame.index)
-    return frame.reset_index(drop=True)
+    return _with_lists_apart(frame.reset_index(drop=True))
 
 
-def _load_mat(path: str, model: PhysicsModel) -> pd.DataFrame:
-    """Return the vectors of a MAT file that are as long as the time, and its matrices' columns."""
-    found = _leaves(_loaded(path, "a MAT file", partial(_mat_content, path)))
+def _with_lists_apart(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table in which a column ``q`` of vectors is columns ``q/0``, ``q/1`` and so on."""
+    parts = []
+    for name, column in frame.items():
+        sizes = {len(cell) for cell in column if isinstance(cell, np.ndarray | list)}
+        if len(sizes) != 1 or column.isna().any():
+            parts.append(column)
+            continue
+        numbers = pd.DataFrame(np.stack(column.tolist()), index=frame.index)
+        parts.append(numbers.add_prefix(f"{name}/"))
+    return pd.concat(parts, axis=1) if parts else frame
+
+
+def _load_nested(
+    kind: str, content: Callable[[str], Mapping], path: str, model: PhysicsModel
+) -> pd.DataFrame:
+    """Return the vectors of a file that are as long as the time, and its matrices' columns."""
+    found = _leaves(_loaded(path, kind, partial(content, path)))
     vectors = {name: values for name, values in found.items() if values.ndim == 1}
     vectors = {**_matrix_columns(found), **vectors}
     if not vectors:
-        raise RecordError(f"{path}: expected vectors of samples, got none. {_AS_STRUCT}")
+        remedy = f" {_AS_STRUCT}" if content is _mat_content else ""
+        raise RecordError(f"{path}: expected vectors of samples, got none.{remedy}")
     wanted = [TIME, TRAJECTORY, *model.inputs, *model.states, *(model.outputs or ())]
     called = [model.columns.get(name, name) for name in wanted]
     time = vectors.get(called[0])
@@ -306,10 +324,24 @@ def _mat_content(path: str) -> Mapping:
 
     if not _is_hdf5(path):
         return loadmat(path, simplify_cells=True)
-    with needed_by("Reading a MAT file of version 7.3"):
+    return _hdf5_file(path)
+
+
+def _hdf5_file(path: str) -> Mapping:
+    with needed_by("Reading an HDF5 file, or a MAT file of version 7.3,"):
         import h5py
     with h5py.File(path, "r") as file:
         return _hdf5_content(file)
+
+
+def _tdms_content(path: str) -> Mapping:
+    """Return the channels of a TDMS file by group; the time of a waveform where none is stored."""
+    with needed_by("Reading a TDMS file"):
+        from nptdms import TdmsFile
+    groups = TdmsFile.read(path).groups()
+    content = {group.name: {c.name: c[:] for c in group.channels()} for group in groups}
+    waves = [c for group in groups for c in group.channels() if "wf_increment" in c.properties]
+    return {TIME: waves[0].time_track(), **content} if waves else content
 
 
 def _is_hdf5(path: str) -> bool:
@@ -354,8 +386,11 @@ _LOGS: dict[str, tuple[str, type[ChannelLog]]] = {
     ".mf4": ("an MDF file", MdfLog),
 }
 #: by file extension: name of the format, its reader, and the number of the first sample
-_KINDS = {
-    ".mat": ("MAT", _load_mat, 1),
+_KINDS: dict[str, tuple[str, Callable[..., pd.DataFrame], int]] = {
+    ".h5": ("HDF5", partial(_load_nested, "an HDF5 file", _hdf5_file), 0),
+    ".hdf5": ("HDF5", partial(_load_nested, "an HDF5 file", _hdf5_file), 0),
+    ".mat": ("MAT", partial(_load_nested, "a MAT file", _mat_content), 1),
     ".parquet": ("Parquet", _load_parquet, 0),
     ".pq": ("Parquet", _load_parquet, 0),
+    ".tdms": ("TDMS", partial(_load_nested, "a TDMS file", _tdms_content), 0),
 }

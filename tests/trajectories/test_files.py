@@ -55,6 +55,23 @@ def to_hdf5_mat(path, table, block=512):
         file["gain"] = np.array([[2.0]])
 
 
+def to_hdf5(path, table):
+    """Write groups, as of an acquisition program."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        for name in table:
+            file[f"run 1/channels/{name}"] = table[name].to_numpy()
+        file["run 1/settings/rate"] = 10.0
+
+
+def to_tdms(path, table):
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment(
+            [nptdms.ChannelObject("rig", name, table[name].to_numpy()) for name in table]
+        )
+
+
 def to_parquet(path, table):
     pytest.importorskip("pyarrow")
     table.to_parquet(path)
@@ -70,6 +87,8 @@ KINDS = {
     "mat": (to_mat, "mat"),
     "mat with a struct of columns": (to_mat_columns, "mat"),
     "mat 7.3": (to_hdf5_mat, "mat"),
+    "hdf5": (to_hdf5, "h5"),
+    "tdms": (to_tdms, "tdms"),
     "parquet": (to_parquet, "parquet"),
     "excel": (to_excel, "xlsx"),
 }
@@ -258,7 +277,9 @@ def test_a_text_among_numbers_has_its_row(tmp_path, kind):
 def test_a_missing_column_has_a_remedy(tmp_path, kind):
     path = write(tmp_path, kind, RUN.rename(columns={"force": "force_act"}))
     message = refusal(path)
-    name = {"csv": "CSV", "parquet": "Parquet file", "excel": "Excel file"}.get(kind, "MAT file")
+    names = {"csv": "CSV", "parquet": "Parquet file", "excel": "Excel file"}
+    names |= {"hdf5": "HDF5 file", "tdms": "TDMS file"}
+    name = names.get(kind, "MAT file")
     assert f"what the {name} calls it, as in columns: {{F: force_act}}." in message
 
 
@@ -305,3 +326,29 @@ def test_names_that_two_structs_share_are_told_apart(tmp_path):
     found, _ = read_file(path, CART.replace(columns={"F": "plan.force"}))
     assert found["F"].tolist() == [7.0] * 5
     assert "the file has t, rig.force, position, x, plan.force" in refusal(path)
+
+
+def test_the_waveform_of_a_channel_is_the_clock_of_its_file(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    wave = {"wf_increment": 0.1, "wf_start_offset": 0.0, "wf_samples": 5}
+    with nptdms.TdmsWriter(tmp_path / "run.tdms") as writer:
+        for name in ("force", "position"):
+            values = RUN[name].to_numpy()
+            writer.write_segment([nptdms.ChannelObject("rig", name, values, properties=wave)])
+    found, y = read_file(tmp_path / "run.tdms", CART)
+    np.testing.assert_allclose(found["t"], 0.1 * np.arange(5), atol=1e-12)
+    pd.testing.assert_frame_equal(y, RUN[["position"]])
+
+
+def test_vectors_in_a_column_are_columns_of_their_own(tmp_path):
+    pytest.importorskip("pyarrow")
+    table = pd.DataFrame({"timestamp": RUN["t"], "episode_index": [3, 3, 3, 3, 3]})
+    table["action"] = [np.array([force, 9.0]) for force in RUN["force"]]
+    table["observation.state"] = [[0.0, position] for position in RUN["position"]]
+    table.to_parquet(tmp_path / "run.parquet")
+    columns = {"t": "timestamp", "F": "action/0", "position": "observation.state/1"}
+    model = CART.replace(columns={**columns, "trajectory": "episode_index"})
+    found, y = read_file(tmp_path / "run.parquet", model)
+    assert found["trajectory"].tolist() == ["3"] * 5
+    assert found["F"].tolist() == RUN["force"].tolist()
+    pd.testing.assert_frame_equal(y, RUN[["position"]])
