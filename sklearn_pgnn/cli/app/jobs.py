@@ -14,6 +14,7 @@ from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns, with_kinds
 from sklearn_pgnn.cli.app.page import render
 from sklearn_pgnn.cli.diagnose import fit_kept, write_results
 from sklearn_pgnn.cli.guard import Bug
+from sklearn_pgnn.cli.inputs import read_search
 from sklearn_pgnn.cli.options import SYSTEMS, make_system
 from sklearn_pgnn.cli.screen import described_files
 from sklearn_pgnn.cli.template import commented
@@ -144,6 +145,7 @@ def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:
     """Return the data of a model for display."""
     return {
         "label": label,
+        "text": MODEL.read_text(encoding="utf-8"),
         "name": model.name,
         "parts": {
             part: [_with_unit(name, model.unit(name)) for name in getattr(model, part)]
@@ -194,7 +196,8 @@ def diagnose(
     """Diagnose, write the files of the result, and return the data for display."""
     progress("reading the model and the records")
     model, X, y = _read(files, mapping)
-    diagnosis = ModelDiagnosis(model, progress=progress, **options)
+    known = dict(options)
+    diagnosis = ModelDiagnosis(model, progress=progress, **read_search(model, known), **known)
     broken, warned = fit_kept(diagnosis, X, y)
     progress("writing the report")
     RESULT.mkdir(exist_ok=True)

@@ -114,21 +114,25 @@ def clean_options(form: object) -> dict:
 
     >>> clean_options({"minutes": "2", "hold": "zoh"}), clean_options({})
     ({'hold': 'zoh', 'time_limit': 120.0}, {'hold': 'auto'})
+    >>> clean_options({"exclude": "leak, drift", "targets": ""})
+    {'hold': 'auto', 'exclude': ['leak, drift']}
     """
     form = form if isinstance(form, Mapping) else {}
+    said = {name: _text(form.get(name, "")).strip() for name in ("exclude", "targets")}
     hold = form.get("hold", "auto")
     if hold not in HOLDS:
         raise Refused(f"Expected inputs that are held as {', '.join(HOLDS)}, got {hold!r}.")
+    options: dict = {"hold": hold, **{name: [text] for name, text in said.items() if text}}
     text = _text(form.get("minutes", "")).strip()
     if not text:
-        return {"hold": hold}
+        return options
     try:
         minutes = float(text)
     except ValueError:
         minutes = 0.0
     if not 0 < minutes <= MINUTES:
         raise Refused(f"Expected a time limit of up to {MINUTES:g} minutes, got {text!r}.")
-    return {"hold": hold, "time_limit": 60.0 * minutes}
+    return {**options, "time_limit": 60.0 * minutes}
 
 
 def _text(value: object) -> str:

@@ -5,7 +5,9 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager, suppress
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import uvicorn
 from starlette.applications import Starlette
@@ -131,11 +133,22 @@ def _download(path: Path) -> Response:
     return Response(path.read_bytes(), headers=headers, media_type=_TEXT)
 
 
+def _everything(visitor: Visitor, _request: Request) -> Response:
+    """Return the model, the records and the results in one archive."""
+    packed = BytesIO()
+    with ZipFile(packed, "w", ZIP_DEFLATED) as archive:
+        for name, path in visitor.all_files().items():
+            archive.write(path, name)
+    headers = {"Content-Disposition": 'attachment; filename="diagnosis.zip"'}
+    return Response(packed.getvalue(), headers=headers, media_type="application/zip")
+
+
 SHOWN: dict[str, Callable[[Visitor, Request], Response]] = {
     "/": lambda visitor, _: HTMLResponse(page(visitor)),
     "/sections": lambda visitor, _: _state(visitor, visitor.message),
     "/model.yaml": _model_file,
     "/result/{name}": _result_file,
+    "/diagnosis.zip": _everything,
 }
 
 
@@ -170,6 +183,7 @@ CHANGES: dict[tuple[str, str], Change] = {
     ("/start", "POST"): lambda visitor, _: visitor.worker.start(),
     ("/model", "POST"): _take_model,
     ("/system", "POST"): _take_system,
+    ("/go_on", "POST"): lambda visitor, _: visitor.go_on(),
     ("/example", "POST"): lambda visitor, _: visitor.take_example(),
     ("/records", "POST"): _take_record,
     ("/records/{number:int}", "DELETE"): lambda visitor, request: visitor.drop_record(

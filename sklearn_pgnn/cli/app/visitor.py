@@ -16,8 +16,9 @@ from sklearn_pgnn.cli.app.work import (
     Refused,
     Worker,
 )
+from sklearn_pgnn.inspection.result_files import EXTENDED
 from sklearn_pgnn.stages import BEST, in_words
-from sklearn_pgnn.trajectories.several_files import is_conditions
+from sklearn_pgnn.trajectories.several_files import is_conditions, unique
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,22 @@ class Visitor:
         self.check_idle()
         (self.folder / "new_model.yaml").write_bytes(content)
         await self._read_model({"do": "model", "label": shown_name(label)})
+
+    async def go_on(self) -> None:
+        """Use the extended model as the model."""
+        extended = self.folder / "result" / EXTENDED
+        if self.result is None or not extended.exists():
+            raise Refused("Expected a diagnosis with an extended model first.")
+        await self.take_model(extended.read_bytes(), EXTENDED)
+
+    def all_files(self) -> dict[str, Path]:
+        """Return the model, the records and the results, by their names in one archive."""
+        labels = unique(record.label for record in self.records)
+        files = {"model.yaml": self.folder / "model.yaml"} if self.model else {}
+        for label, record in zip(labels, self.records, strict=True):
+            files[f"records/{label}"] = self.folder / record.file
+        names = [name for name, _ in (self.result or {}).get("files", ())]
+        return files | {f"result/{name}": self.folder / "result" / name for name in names}
 
     async def take_system(self, system: str) -> None:
         """Use a ready system as the model."""

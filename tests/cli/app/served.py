@@ -88,7 +88,11 @@ class Answer:
 
     def __init__(self, response):
         self.status, self.headers = response.status, response.headers
-        self.text = response.read().decode()
+        self.content = response.read()
+
+    @property
+    def text(self):
+        return self.content.decode()
 
     @property
     def json(self):

@@ -82,6 +82,31 @@ def test_the_example_is_diagnosed_with_keys_alone(visit):
     with page.expect_download() as coming:
         page.click("text=extended_model.yaml")
     assert coming.value.suggested_filename == "extended_model.yaml"
+    page.click("#go-on")
+    page.wait_for_selector("#model :text('extended_model.yaml')")
+    page.wait_for_selector("#seen figure svg")
+    assert "Fc" in page.inner_text("#model")
+
+
+@pytest.mark.slow
+def test_a_model_is_simulated_while_it_is_written(visit):
+    page = visit()
+    page.click("text=Show me")
+    page.wait_for_selector("#seen figure svg")
+    before = page.inner_text("#seen")
+    page.click("#editor summary")
+    page.fill("#model-text", page.input_value("#model-text").replace("value: 40.0", "value: 20.0"))
+    page.wait_for_selector("#model :text('k = 20 N/m')")
+    page.wait_for_function(
+        "before => document.getElementById('seen').innerText !== before", arg=before
+    )
+    page.focus("#model-text")
+    page.keyboard.press("Control+End")
+    page.keyboard.type("nonsense: 1")
+    page.wait_for_selector("#message:has-text('nonsense')")
+    assert page.evaluate("document.activeElement.id") == "model-text"
+    assert page.input_value("#model-text").endswith("nonsense: 1")
+    assert "k = 20 N/m" in page.inner_text("#model")
 
 
 @pytest.mark.slow

@@ -4,8 +4,10 @@ import os
 import stat
 import tempfile
 import time
+from io import BytesIO
 from pathlib import Path
 from urllib.parse import quote
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -274,6 +276,37 @@ def test_the_example_is_diagnosed_and_its_files_are_there(done, tmp_path):
     assert "v" in extended.states
     assert dict(extended.channels) == {"position": "distance_sensor"}
     assert "attachment" in done.get("/result/diagnosis.json").headers["content-disposition"]
+
+
+@pytest.mark.slow
+def test_model_records_and_results_come_in_one_archive(done):
+    with ZipFile(BytesIO(done.get("/diagnosis.zip").content)) as archive:
+        assert archive.testzip() is None
+        assert archive.read("result/report.html") == done.get("/result/report.html").content
+        expected = {"model.yaml", "records/cart_4.csv", "result/extended_model.yaml"}
+        assert expected < set(archive.namelist())
+
+
+def test_without_an_extended_model_nothing_goes_on_from_it(client):
+    refused = client.post("/go_on")
+    assert refused.status == 400
+    assert refused.message == "Expected a diagnosis with an extended model first."
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"exclude": "leak, nothing"}, "expected the id of an effect, got 'nothing'"),
+        ({"targets": "speed, w"}, "got 'w'; one of v, F"),
+    ],
+)
+def test_effects_and_places_that_are_not_there_are_told(client, options, said):
+    client.bring("records", "run.csv", run())
+    mapping = by_column(("t", "s"), ("F", "N"), ("speed", "m/s"))
+    looked(client, mapping)
+    client.ask("/diagnosis", mapping=mapping, options=options)
+    assert said in client.wait()["message"]
 
 
 @pytest.mark.slow

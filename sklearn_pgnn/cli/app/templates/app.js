@@ -8,7 +8,10 @@ const doing = document.getElementById("doing");
 let open = 0; // requests that are not answered
 let polling = null;
 let asked = 0; // requests so far
+let writing = null; // the pause after which a model that is written is taken
 const edited = {}; // by field, the requests before it was filled in
+const filled = new Map(); // by field, what was filled in; it outlives the piece with the field
+const unfolded = new Map(); // by summary, whether its details are open
 
 // every request is seen at once, however long its answer takes
 async function send(method, path, body, what = "") {
@@ -57,15 +60,21 @@ function put(name, html, number) {
     return;
   }
   const focused = section.contains(document.activeElement) ? document.activeElement.id : "";
-  const open = new Map([...section.querySelectorAll("details")].map((d, k) => [k, d.open]));
+  section.querySelectorAll("details").forEach((d) => unfolded.set(d.querySelector("summary").textContent, d.open));
   const isNew = shown[name] !== undefined;
-  const fields = keep(section);
+  const text = document.getElementById("model-text");
+  const caret = text && focused === text.id ? [text.selectionStart, text.selectionEnd, text.scrollTop] : null;
+  section.querySelectorAll("form [id]").forEach((f) => filled.set(f.id, f.value));
   section.innerHTML = html;
-  if (name === "seen" || name === "work") {
-    section.querySelectorAll("details").forEach((d, k) => { if (open.has(k)) d.open = open.get(k); });
+  if (name === "seen" || name === "work" || name === "model") {
+    section.querySelectorAll("details").forEach((d) => { d.open = unfolded.get(d.querySelector("summary").textContent) ?? d.open; });
   }
-  restore(section, fields, name === "work" ? 0 : number);
-  if (focused) document.getElementById(focused)?.focus();
+  restore(section, name === "work" ? 0 : number);
+  if (focused) document.getElementById(focused)?.focus({ preventScroll: true });
+  if (caret && document.activeElement.id === text.id) {
+    document.activeElement.setSelectionRange(caret[0], caret[1]);
+    document.activeElement.scrollTop = caret[2];
+  }
   shown[name] = html;
   if (name === "result" && html.trim() && isNew) {
     told.textContent = section.querySelector(".verdict b").textContent;
@@ -80,14 +89,10 @@ function isSame(section, html) {
   return fresh.innerHTML === section.innerHTML;
 }
 
-function keep(section) {
-  return new Map([...section.querySelectorAll("form [id]")].map((f) => [f.id, f.value]));
-}
-
 // what was filled in after the request was sent is not what its answer knows
-function restore(section, fields, number) {
+function restore(section, number) {
   section.querySelectorAll("form [id]").forEach((f) => {
-    if (fields.has(f.id) && (edited[f.id] ?? 0) >= number) f.value = fields.get(f.id);
+    if (filled.has(f.id) && (edited[f.id] ?? 0) >= number) f.value = filled.get(f.id);
   });
 }
 
@@ -135,6 +140,7 @@ const ACTIONS = {
   drop: (button) => send("DELETE", `records/${button.dataset.number}`).then(lookIfWhole),
   look,
   diagnose: () => send("POST", "diagnosis", JSON.stringify({ mapping: mapping(), options: options() })),
+  goOn: () => send("POST", "go_on", null, "Taking the extended model …").then(lookIfWhole),
   stop: () => send("DELETE", "work"),
 };
 
@@ -169,7 +175,16 @@ document.addEventListener("change", (event) => {
 
 document.addEventListener("input", (event) => {
   if (event.target.closest("form")) edited[event.target.id] = asked;
+  if (event.target.id !== "model-text") return;
+  clearTimeout(writing);
+  writing = setTimeout(takeText, 600, event.target);
 });
+
+// what is written is a model as soon as one pauses
+function takeText(field) {
+  const name = encodeURIComponent(field.dataset.label);
+  return send("POST", `model?name=${name}`, field.value).then(lookIfWhole);
+}
 
 // without a column for the time there is a field for the sample time: the server draws it
 function remap(field) {
