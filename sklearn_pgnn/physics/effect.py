@@ -25,6 +25,8 @@ __all__ = ["Characteristic", "Effect", "Scales", "quantity"]
 
 #: roles of a quantity of an effect, see `quantity`
 ROLES = ("size", "shape", "end")
+#: the parameters of an effect in its equations, by field name
+Symbols = Mapping[str, sympy.Symbol]
 #: if an effect has several strengths, the first counts in full and the others by this fraction
 BESIDE = 0.5
 

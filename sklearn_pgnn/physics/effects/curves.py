@@ -1,22 +1,15 @@
 """Inputs that act by a curve: a power, or straight pieces whose slopes have one sign."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
-from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.inputs import InputDeadZone, InputEffect, InputSaturation
 from sklearn_pgnn.physics.effects.losses import ABSOLUTE
 from sklearn_pgnn.physics.extremes import bounded, maximum
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.effect import Effect
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 #: share of the input at which the model is right below which a power is that of the share
 SMALL = sympy.Rational(1, 10**6)
@@ -62,7 +55,7 @@ class InputPower(CurvedInput):
         "of slope 1 + power."
     )
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return u*|u/U|^m; the power stays finite at zero."""
         return u * maximum(sympy.Abs(u) / p["reference"], SMALL) ** p["power"]
 
@@ -114,7 +107,7 @@ class InputCurve(CurvedInput):
     summary = "The input acts by a curve: weak at first, or levelling off, as a valve or a pump."
     check = "Hold several values of the input, and plot its effect over them."
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the curve."""
         low, high = bounded(u, p["first"]), bounded(u, p["second"])
         return u + p["below"] * low + p["above"] * (u - high)

@@ -1,26 +1,21 @@
 """Parameters that depend on a state or an input."""
 
-from __future__ import annotations
-
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.effects.levels import first_order_states
 from sklearn_pgnn.physics.effects.losses import ABSOLUTE
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.shown_states import told_states
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
 
 #: a parameter keeps at least this fraction of its value
 KEPT = 0.05
@@ -39,7 +34,7 @@ class ParameterDependence(Effect):
         return parameter in model.parameters and signal in {*model.states, *model.inputs}
 
     @classmethod
-    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def factor(cls, target: str, model: PhysicsModel, p: Symbols) -> sympy.Expr:
         """Return by what the parameter is multiplied at a value of the signal."""
         raise NotImplementedError
 
@@ -48,7 +43,7 @@ class ParameterDependence(Effect):
         """Return the power of the signal on which the parameter depends first."""
         return 1
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Replace the parameter by its value as a function of the signal."""
         parameter = symbol(parts(self.target)[0])
         return substitute(model, parameter, parameter * self.factor(self.target, model, p))
@@ -128,7 +123,7 @@ class ParameterSlope(ParameterDependence):
         return "{} that changes with {}".format(*parts(target))
 
     @classmethod
-    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def factor(cls, target: str, model: PhysicsModel, p: Symbols) -> sympy.Expr:
         """Return 1 + a*s."""
         return 1 + p["slope"] * symbol(parts(target)[1])
 
@@ -205,7 +200,7 @@ class ParameterSaturation(ParameterDependence):
         return "{} that changes with the size of {}".format(*parts(target))
 
     @classmethod
-    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def factor(cls, target: str, model: PhysicsModel, p: Symbols) -> sympy.Expr:
         """Return 1/(1 + b*abs(s)), or 1/(1 + b*s^2) of what stores."""
         signal, power = symbol(parts(target)[1]), cls.power(target, model)
         return 1 / (1 + p["bend"] * sympy.Abs(signal) ** power)

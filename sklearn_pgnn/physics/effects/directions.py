@@ -1,24 +1,17 @@
 """Coefficients that differ by the direction of their flow."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy
 
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
-
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 #: signals in a flow, whose signs at all ends of their ranges are looked at
 MOST = 6
@@ -78,7 +71,7 @@ class CoefficientByDirection(Effect):
                 found.setdefault(places, name)
         return tuple(name for name in model.free_parameters if name in found.values())
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Change the part of the flow in one direction."""
         parts = {"equations": dict(model.equations), "outputs": dict(model.outputs)}
         flows = _flows(model, self.target)

@@ -1,24 +1,18 @@
 """A drive whose force falls as the machine gets faster."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
-from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.characteristic import Characteristic
+from sklearn_pgnn.physics.effect import Symbols, quantity
 from sklearn_pgnn.physics.effects.dependences import GROWN, KEPT, ParameterDependence
 from sklearn_pgnn.physics.effects.rates import is_velocity, may_be_speed
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.shown_states import told_states
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.characteristic import Characteristic
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -73,7 +67,7 @@ class InputFading(ParameterDependence):
         return "gain of {} that falls with {}".format(*parts(target))
 
     @classmethod
-    def factor(cls, target: str, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def factor(cls, target: str, model: PhysicsModel, p: Symbols) -> sympy.Expr:
         """Return 1 - f*abs(v)."""
         return 1 - p["fading"] * sympy.Abs(symbol(parts(target)[1]))
 

@@ -1,26 +1,20 @@
 """A formula as an effect: terms identified from records."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effect import Effect, Symbols
 from sklearn_pgnn.physics.expressions import parse_expression
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.places import add_at
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.scales import Scales
 
 
-def known_part(formula: Formula, model: PhysicsModel) -> Formula:
+def known_part(formula: "Formula", model: PhysicsModel) -> "Formula":
     """Return the part of a formula without the states that only another effect adds.
 
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
@@ -117,7 +111,7 @@ class Formula(Effect):
         pairs = zip(self.names().values(), self.coefficients, strict=True)
         return tuple(Parameter(name, value) for name, value in pairs)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Add the terms."""
         known = (*model.states, *model.inputs)
         terms = [parse_expression(term, known, f"term of {self.target!r}") for term in self.terms]

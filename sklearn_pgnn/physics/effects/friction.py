@@ -1,17 +1,14 @@
 """Friction on a velocity: viscous, dry, by direction, with hysteresis; drag."""
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.levels import first_order_states
 from sklearn_pgnn.physics.effects.rates import (
     PositionEffect,
@@ -22,12 +19,9 @@ from sklearn_pgnn.physics.effects.rates import (
 from sklearn_pgnn.physics.expressions import expanded, symbol
 from sklearn_pgnn.physics.extremes import bounded
 from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.effect import Effect
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.port import Port
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.scales import Scales
 
 #: placeholder for the load until the model defines it
 LOAD = sympy.Symbol("_load", real=True)
@@ -60,9 +54,7 @@ class ViscousFriction(RateEffect):
     summary = "Friction that grows in proportion to the velocity (oil, bearings, back-EMF)."
     check = "Coast down from several speeds: the speed decays exponentially."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return d*v."""
         return p["coefficient"] * v
 
@@ -107,9 +99,7 @@ class CoulombFriction(SpeedEffect):
     summary = "Dry friction: a force of constant size against the direction of motion."
     check = "Raise the drive slowly from rest: nothing moves up to the friction level."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return Fc*sign(v)."""
         return p["level"] * sympy.sign(v)
 
@@ -168,9 +158,7 @@ class LoadFriction(SpeedEffect):
         """Return the friction, with the driving force in the place of the load's symbol."""
         return super().effort(model).xreplace({LOAD: driving_force(model, self.target)})
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return (Fc + mu*abs(Fd))*sign(v)."""
         return (p["level"] + p["share"] * sympy.Abs(LOAD)) * sympy.sign(v)
 
@@ -298,9 +286,7 @@ class StribeckFriction(SpeedEffect):
     )
     check = "Drive at constant low speeds: the force falls as the speed rises, or motion jerks."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the Stribeck curve."""
         fading = sympy.exp(-((v / p["velocity"]) ** 2))
         return (p["level"] + p["peak"] * fading) * sympy.sign(v)
@@ -354,9 +340,7 @@ class AsymmetricFriction(SpeedEffect):
     summary = "Friction that is different in the two directions of motion."
     check = "Run at the same speed forward and backward and compare the force."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the two half-lines as even and odd parts."""
         fp, fn = p["level_forward"], p["level_backward"]
         dp, dn = p["viscous_forward"], p["viscous_backward"]
@@ -396,9 +380,7 @@ class QuadraticDrag(SpeedEffect):
     summary = "Drag of a fluid or a fan: it grows with the square of the speed."
     check = "Hold several high speeds and plot the force over the speed squared."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return c*v*abs(v)."""
         return p["coefficient"] * v * sympy.Abs(v)
 
@@ -445,9 +427,7 @@ class Hysteresis(PositionEffect):
     summary = "A force that lags the position and closes a loop: presliding, rubber, cables, gears."
     check = "Move slowly back and forth over small strokes: force over position encloses an area."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the largest force times the state of the hysteresis."""
         return p["level"] * self.bounded
 
@@ -461,7 +441,7 @@ class Hysteresis(PositionEffect):
         """The state, limited to its admissible range."""
         return bounded(symbol(self.state), 1)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Subtract the force and add the state."""
         changes = super().rewrite(model, p)
         v, zeta = model.port(self.target).flow, self.bounded

@@ -1,23 +1,16 @@
 """Dry friction of loaded gears: by the direction of the power, and with a peak at rest."""
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
-from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.friction import LOAD, CoulombFriction, LoadFriction
 from sklearn_pgnn.physics.effects.friction import StribeckFriction as Stribeck
 from sklearn_pgnn.physics.effects.rates import force_scale
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.effect import Effect
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -65,9 +58,7 @@ class GearLoss(LoadFriction):
     summary = "A gear that loses more as it is driven back than as it drives, or less."
     check = "Lift and lower a weight at one speed: the losses differ by more than the friction."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the mean loss, and the half of the difference that depends on the direction."""
         mean, half = (p["share"] + p["backward"]) / 2, (p["share"] - p["backward"]) / 2
         return (p["level"] + mean * sympy.Abs(LOAD)) * sympy.sign(v) + half * LOAD
@@ -127,9 +118,7 @@ class LoadStribeckFriction(LoadFriction):
     summary = "Dry friction that grows with the load and is higher at rest: a loaded, slow gear."
     check = "Drive at constant low speeds with two weights: the peak at rest grows with the weight."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the Stribeck curve in proportion to the load."""
         fading = sympy.exp(-((v / p["velocity"]) ** 2))
         return super().force(v, position, p) * (1 + p["peak"] * fading)

@@ -1,25 +1,19 @@
 """Effects on an input: the machine receives something other than the command."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import sympy
 
 from sklearn_pgnn.physics.channel_kinds import ACTUATOR
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.targets import free_name
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -34,11 +28,11 @@ class InputEffect(Effect):
         """Return the names of the inputs of the model."""
         return tuple(model.inputs)
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the input as it acts on the machine."""
         raise NotImplementedError
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Replace the input in every equation."""
         u = symbol(self.target)
         return substitute(model, u, self.seen(u, p))
@@ -84,7 +78,7 @@ class InputBias(InputEffect):
     summary = "The actuator output has a constant offset from its command."
     check = "Command zero and measure the actuator output."
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return u + b."""
         return u + p["bias"]
 
@@ -122,7 +116,7 @@ class InputGain(InputEffect):
         "Command two values and compare the difference of the outputs with that of the commands."
     )
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return (1 + g)*u."""
         return (1 + p["error"]) * u
 
@@ -153,7 +147,7 @@ class InputDeadZone(InputEffect):
     )
     check = "Raise the command slowly from zero in both directions until something moves."
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the dead zone of u."""
         w = p["threshold"]
         return maximum(u - w, 0) + minimum(u + w, 0)
@@ -196,7 +190,7 @@ class AsymmetricDeadZone(InputEffect):
     summary = "Small commands have no effect, over a wider range on one side: a valve off centre."
     check = "Raise the command slowly from zero, once up and once down, until something moves."
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the dead zone of u."""
         return maximum(u - p["above"], 0) + minimum(u + p["below"], 0)
 
@@ -235,7 +229,7 @@ class InputSaturation(InputEffect):
     summary = "The actuator output is limited: current limit, supply pressure."
     check = "Command large steps of growing size: the response stops growing."
 
-    def seen(self, u: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def seen(self, u: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return u clipped at the limit."""
         return minimum(maximum(u, -p["limit"]), p["limit"])
 
@@ -306,7 +300,7 @@ class InputDelay(Delay):
         """Return the names of the inputs that have no delay yet."""
         return tuple(name for name in model.inputs if name not in model.delays)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Add the delay to the input."""
         return {"delays": {**model.delays, self.target: str(p["delay"])}}
 
@@ -336,7 +330,7 @@ class ActuatorEffect(Effect):
         followers = (state for state, followed in model.settled.items() if followed == name)
         return next((state for state in followers if named.fullmatch(state)), None)
 
-    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate of the acting input, from the commanded one."""
         raise NotImplementedError
 
@@ -344,7 +338,7 @@ class ActuatorEffect(Effect):
         """Return the input as it acts on the machine over the time."""
         return Characteristic("input", self.target, TIME)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Add the actuator's state and use it in the equations."""
         u, acting = symbol(self.target), symbol(free_name(model, self.target + self.ending))
         changes = substitute(model, u, acting)
@@ -382,7 +376,7 @@ class ActuatorLag(ActuatorEffect):
     )
     ending = "_lagged"
 
-    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate of the lag."""
         return (u - acting) / p["time_constant"]
 
@@ -428,7 +422,7 @@ class InputRateLimit(ActuatorEffect):
     generalises = ("actuator_lag",)
     ending = "_slewed"
 
-    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate of the lag, bounded."""
         return bounded((u - acting) / p["time_constant"], p["limit"])
 
@@ -483,7 +477,7 @@ class InputBacklash(ActuatorEffect):
     generalises = ("actuator_lag",)
     ending = "_engaged"
 
-    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate in contact, zero within the play."""
         gap, side = u - acting, p["width"] / 2
         return (maximum(gap - side, 0) + minimum(gap + side, 0)) / p["time_constant"]

@@ -1,26 +1,21 @@
 """Joints that give: an elastic shaft, and play between two inertias."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.friction import driving_force
 from sklearn_pgnn.physics.effects.rates import PositionEffect
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.typical import typical_inertia
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
 
 #: share of the inertia behind a joint at which a fit begins
 USUAL = 0.3
@@ -86,17 +81,15 @@ class ElasticJoint(PositionEffect):
         """The names of the added states: the twist of the joint, and the load's velocity."""
         return f"twist_{self.target}", f"load_{self.target}"
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the effort in the joint."""
         return p["stiffness"] * self._deflection(p) + p["damping"] * (v - symbol(self.states_of[1]))
 
-    def _deflection(self, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def _deflection(self, p: Symbols) -> sympy.Expr:
         """Return the deflection of the joint's spring."""
         return symbol(self.states_of[0])
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Divide the inertia, and add the twist and the load's velocity."""
         v, (twist, load) = symbol(self.target), self.states_of
         port, slip = model.port(self.target), v - symbol(load)
@@ -118,7 +111,7 @@ class ElasticJoint(PositionEffect):
             "energy": self._energy(model, p, slip),
         }
 
-    def _energy(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol], slip: sympy.Expr) -> dict:
+    def _energy(self, model: PhysicsModel, p: Symbols, slip: sympy.Expr) -> dict:
         """Return a model's energy with that of the load, of the spring, and of the damper."""
         if not model.energy:
             return {}
@@ -214,7 +207,7 @@ class JointPlay(ElasticJoint):
     summary = "A gear or coupling with play: after a reversal the load follows only beyond the gap."
     check = "Hold the load and turn the motor to and fro by hand: it moves freely by the gap."
 
-    def _deflection(self, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def _deflection(self, p: Symbols) -> sympy.Expr:
         """Return the deflection of the flanks in contact."""
         twist, side = symbol(self.states_of[0]), p["width"] / 2
         return maximum(twist - side, 0) + minimum(twist + side, 0)
@@ -278,7 +271,7 @@ class SpringPlay(Effect):
         stretch = _stretch(model, self.target)
         return {"position": "" if stretch is None else model.unit_of(stretch)}
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Take what the gap gives out of the stretch, in every rate and output."""
         k, stretch = symbol(self.target), _stretch(model, self.target)
         given = k * bounded(stretch, p["width"] / 2)

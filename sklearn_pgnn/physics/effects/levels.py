@@ -1,25 +1,19 @@
 """Effects on any rate: bounds on the rate and on its state, and a linear loss."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import rate_unit
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.repeated_rates import with_rates
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.scales import Scales
 
 
 def first_order_states(model: PhysicsModel) -> tuple[str, ...]:
@@ -37,13 +31,11 @@ class StateEffect(Effect):
         """Return the names of the first-order states: neither velocities nor their positions."""
         return first_order_states(model)
 
-    def rate(
-        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def rate(self, state: sympy.Expr, rate: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the new rate from the state and its old rate."""
         raise NotImplementedError
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Replace the target's rate."""
         old = model.equations[self.target]
         new = self.rate(symbol(self.target), old, p)
@@ -88,9 +80,7 @@ class RateLimit(StateEffect):
         """Return the names of all states."""
         return tuple(model.states)
 
-    def rate(
-        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def rate(self, state: sympy.Expr, rate: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate, bounded."""
         return bounded(rate, p["limit"])
 
@@ -136,9 +126,7 @@ class StateLimit(StateEffect):
     summary = "The state cannot go beyond a limit: a tank that spills, a slider at its stop."
     check = "Drive the state to its limit: it stays there although the command increases."
 
-    def rate(
-        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def rate(self, state: sympy.Expr, rate: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate that comes to rest at the limits."""
         top = (p["limit"] - state) * p["steepness"]
         bottom = -(p["limit"] + state) * p["steepness"]
@@ -190,9 +178,7 @@ class Leak(StateEffect):
     summary = "The state loses what it holds, in proportion to it: a leak, a heat loss, a drain."
     check = "Fill, switch off all inputs and record: the state falls exponentially."
 
-    def rate(
-        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def rate(self, state: sympy.Expr, rate: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate less the loss."""
         return rate - p["coefficient"] * state
 
@@ -231,9 +217,7 @@ class LeakToLevel(StateEffect):
         numbers = {symbol(name) for name in model.parameters}
         return tuple(s for s, a in slopes.items() if a == 0 or not a.free_symbols <= numbers)
 
-    def rate(
-        self, state: sympy.Expr, rate: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def rate(self, state: sympy.Expr, rate: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate less the loss."""
         return rate - p["coefficient"] * (state - p["level"])
 
@@ -289,7 +273,7 @@ class LeakToInput(Effect):
         """Return state and input in words."""
         return "leak of {} to {}".format(*parts(target))
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Subtract the loss from the state's rate."""
         state, name = parts(self.target)
         loss = p["coefficient"] * (symbol(state) - symbol(name))

@@ -1,23 +1,17 @@
 """Losses to surroundings that grow faster than in proportion: radiation, convection, leaks."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.levels import first_order_states
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import maximum
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 #: what is added to a temperature to make it absolute, by its unit
 ABSOLUTE = {"K": sympy.Integer(0), "degC": sympy.Rational(27315, 100)}
@@ -46,13 +40,11 @@ class LossEffect(Effect):
         """Return state and surroundings in words."""
         return "{} of {} to {}".format(cls.id.replace("_", " "), *parts(target))
 
-    def loss(
-        self, state: sympy.Expr, around: sympy.Expr, unit: str, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def loss(self, state: sympy.Expr, around: sympy.Expr, unit: str, p: Symbols) -> sympy.Expr:
         """Return the loss."""
         raise NotImplementedError
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Subtract the loss from the state's rate."""
         state, around = parts(self.target)
         loss = self.loss(symbol(state), symbol(around), model.unit(state), p)
@@ -138,9 +130,7 @@ class RadiationLoss(LossEffect):
             t for t in super().targets(model) if model.unit(parts(t)[0]).strip() in ABSOLUTE
         )
 
-    def loss(
-        self, state: sympy.Expr, around: sympy.Expr, unit: str, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def loss(self, state: sympy.Expr, around: sympy.Expr, unit: str, p: Symbols) -> sympy.Expr:
         """Return the loss of the temperature by radiation."""
         zero = ABSOLUTE[unit.strip()]
         return p["coefficient"] * ((state + zero) ** 4 - (around + zero) ** 4)
@@ -186,9 +176,7 @@ class PowerLoss(LossEffect):
     summary = "A loss that grows faster than the difference: free convection, a turbulent flow."
     check = "Hold several differences at rest: the supply over them bends upward."
 
-    def loss(
-        self, state: sympy.Expr, around: sympy.Expr, unit: str, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def loss(self, state: sympy.Expr, around: sympy.Expr, unit: str, p: Symbols) -> sympy.Expr:
         """Return the loss by the difference."""
         difference = state - around
         size = maximum(sympy.Abs(difference), SMALL)  # the slope by the power stays finite

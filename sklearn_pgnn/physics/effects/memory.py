@@ -1,23 +1,16 @@
 """Forces that remember the motion: a spring that closes a loop."""
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
-from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.friction import goes_both_ways
 from sklearn_pgnn.physics.effects.rates import PositionEffect, force_scale
 from sklearn_pgnn.physics.expressions import symbol
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.effect import Effect
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 #: least and most by which the stiffness of a loop changes over the travel, in powers of e
 LEAST_LOOP, MOST_BENT = 0.1, 20.0
@@ -69,9 +62,7 @@ class HystereticSpring(PositionEffect):
     generalises = ("hysteresis",)
     excludes = ("hysteresis",)
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the state, which is the force."""
         return symbol(self.state)
 
@@ -80,7 +71,7 @@ class HystereticSpring(PositionEffect):
         """Return the name of the added state."""
         return f"z_{self.target}"
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Subtract the force and add it to the states."""
         changes = super().rewrite(model, p)
         v, z = model.port(self.target).flow, symbol(self.state)

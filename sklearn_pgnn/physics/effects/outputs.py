@@ -1,27 +1,21 @@
 """Effects on an output: the reading of the sensor differs from the true value."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
 from sklearn_pgnn.physics.effects.targets import free_name
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.repeated_rates import with_output
+from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.units import plain_unit
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
 
 #: placeholder for the angle that an output measures
 ANGLE = sympy.Symbol("_angle", real=True)
@@ -43,11 +37,11 @@ class OutputEffect(Effect):
         """Return the names of the outputs of the model."""
         return tuple(model.outputs)
 
-    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def shown(self, y: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the reading of the sensor for the true output."""
         raise NotImplementedError
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Replace the output."""
         return with_output(model, self.target, lambda true: self.shown(true, p))
 
@@ -79,7 +73,7 @@ class SensorBias(OutputEffect):
     summary = "The reading has a constant offset: the zero is set incorrectly."
     check = "Bring the machine to a known position and read the sensor."
 
-    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def shown(self, y: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return y + b."""
         return y + p["bias"]
 
@@ -107,7 +101,7 @@ class SensorGain(OutputEffect):
     summary = "The sensor's scale is off: counts per turn, amplifier gain, lever length."
     check = "Move between two known positions and compare the reading's difference."
 
-    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def shown(self, y: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return (1 + g)*y."""
         return (1 + p["error"]) * y
 
@@ -141,7 +135,7 @@ class SensorCurvature(OutputEffect):
     )
     check = "Move through several known positions and plot the reading over them."
 
-    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def shown(self, y: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return y + c*y^2."""
         return y + p["curvature"] * y**2
 
@@ -201,11 +195,11 @@ class SensorEccentricity(OutputEffect):
         """Return the names of the outputs that measure an angle."""
         return tuple(name for name in model.outputs if _angle(model, name) is not None)
 
-    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def shown(self, y: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return y with one cycle a turn."""
         return y + p["sine"] * sympy.sin(ANGLE) + p["cosine"] * sympy.cos(ANGLE)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Replace the output, with the angle in the place of its symbol."""
         at = {ANGLE: _angle(model, self.target)}
         return with_output(model, self.target, lambda true: self.shown(true, p).xreplace(at))
@@ -254,7 +248,7 @@ class SensorSaturation(OutputEffect):
     summary = "The signal exceeds the sensor's range: the reading is clipped."
     check = "Look for stretches in which the reading stays at one extreme value."
 
-    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def shown(self, y: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return y within the range."""
         return maximum(minimum(y, p["upper"]), p["lower"])
 
@@ -294,7 +288,7 @@ class SensorRectification(OutputEffect):
     summary = "The sensor shows the magnitude without the sign: a pulse counter, a rectifier."
     check = "Run the machine backward: the reading does not change its sign."
 
-    def shown(self, y: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def shown(self, y: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return abs(y)."""
         return sympy.Abs(y)
 
@@ -336,7 +330,7 @@ class SensorLag(Effect):
         seen = {y: shown.free_symbols for y, shown in model.outputs.items()}
         return tuple(y for y, symbols in seen.items() if symbols & states and not symbols & own)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Add the sensor's state, and show it."""
         true, lagged = model.outputs[self.target], free_name(model, f"{self.target}_lagged")
         rate = (true - symbol(lagged)) / p["time_constant"]
@@ -407,7 +401,7 @@ class SensorDelay(Delay):
         late = model.delays or not model.inputs or len(model.outputs) > 1
         return () if late else tuple(model.outputs)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Delay every input."""
         return {"delays": {name: str(p["delay"]) for name in model.inputs}}
 

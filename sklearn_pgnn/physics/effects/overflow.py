@@ -1,14 +1,8 @@
 """A vessel that overflows into the next one below."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-import sympy
-
-from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.levels import (
     StateEffect,
     StateLimit,
@@ -17,12 +11,9 @@ from sklearn_pgnn.physics.effects.levels import (
 )
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.repeated_rates import with_rates
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.effect import Effect
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -68,7 +59,7 @@ class Overflow(StateEffect):
         """Return the names of the levels that flow into exactly one other."""
         return tuple(state for state in super().targets(model) if len(_next(model, state)) == 1)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Subtract the overflow from the target, and add a share of it to the next level."""
         (below,) = _next(model, self.target)
         inflow = model.equations[self.target]

@@ -1,23 +1,16 @@
 """Effects on a parameter: the structure is right, but a number is wrong."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
-
-import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expressions import TIME, symbol
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.parameter import Parameter
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -60,7 +53,7 @@ class WrongParameter(Effect):
         """Return no new parameters: the parameter is the model's own."""
         return ()
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Free the parameter within its bounds."""
         parameter = model.parameters[self.target]
         if self.value is not None:
@@ -126,7 +119,7 @@ class ParameterDrift(Effect):
         """Return the names of the parameters that are not fixed."""
         return model.free_parameters
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Replace the parameter by its changing value."""
         parameter = symbol(self.target)
         return substitute(model, parameter, parameter * (1 + p["rate"] * TIME))

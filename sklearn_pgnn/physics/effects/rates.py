@@ -1,24 +1,18 @@
 """Effects on the rate of a velocity: their common base, and external forces."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import sympy
 
 from sklearn_pgnn.physics.channel_kinds import is_measured
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.found_ports import is_velocity
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.port import Port
+from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.typical import typical_inertia
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.port import Port
-    from sklearn_pgnn.physics.scales import Scales
 
 #: units of a sensor's signal, which do not define what the sensor measures
 SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
@@ -60,9 +54,7 @@ class RateEffect(Effect):
         """Return the names of the ports of the model whose flow is a velocity."""
         return tuple(name for name, port in model.ports.items() if is_moving(model, port))
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the resisting force as an expression of velocity and position."""
         raise NotImplementedError
 
@@ -71,11 +63,11 @@ class RateEffect(Effect):
         port, p = model.port(self.target), {k: symbol(name) for k, name in self.names().items()}
         return self.force(port.flow, port.displacement, p)
 
-    def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def potential(self, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the energy the force stores, zero for a dissipative one."""
         return sympy.Integer(0)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Let the force act at the port, against its flow."""
         port = model.port(self.target)
         changes = port.act(model, self.effort(model))
@@ -164,9 +156,7 @@ class ConstantLoad(RateEffect):
     )
     check = "Release the unpowered machine: it drifts to one side, or needs force to stay."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return F0."""
         return p["load"]
 
@@ -197,9 +187,7 @@ class PeriodicDisturbance(RateEffect):
     summary = "A force that repeats in time whatever the machine does: a fan, a pump, the mains."
     check = "Hold the machine still and look for a line in the spectrum of the force or position."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the wave."""
         angle = 2 * sympy.pi * p["frequency"] * TIME
         return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)

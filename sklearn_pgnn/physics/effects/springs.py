@@ -1,21 +1,15 @@
 """Forces that depend on the position: springs, ripple, end stops."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import sympy
 
-from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.rates import FAINT, PositionEffect, force_scale
 from sklearn_pgnn.physics.extremes import maximum, minimum
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.effect import Effect
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 #: largest number of periods of a ripple within the travel
 MOST_CYCLES = 40.0
@@ -29,13 +23,11 @@ class PowerOfPosition(PositionEffect):
 
     power: ClassVar[int]
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return k*x^n."""
         return p["stiffness"] * position**self.power
 
-    def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def potential(self, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return k*x^(n+1)/(n+1)."""
         return p["stiffness"] * position ** (self.power + 1) / (self.power + 1)
 
@@ -138,9 +130,7 @@ class Cogging(PositionEffect):
     summary = "A ripple that repeats with the position: cogging of a motor, an eccentric gear."
     check = "Move slowly over the whole range: the force repeats at the same positions."
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the first harmonic."""
         angle = 2 * sympy.pi * position / p["period"]
         return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
@@ -188,14 +178,12 @@ class EndStop(PositionEffect):
     check = "Move slowly to both ends: the force rises steeply where the motion ends."
     generalises = ("linear_stiffness", "constant_load")
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the stops' force."""
         beyond = maximum(position - p["upper"], 0) + minimum(position - p["lower"], 0)
         return p["stiffness"] * beyond
 
-    def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def potential(self, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the energy that the stops store."""
         above = maximum(position - p["upper"], 0)
         below = minimum(position - p["lower"], 0)

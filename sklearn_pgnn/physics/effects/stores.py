@@ -1,25 +1,20 @@
 """Memory behind a place: a further store, a branch that relaxes, a spring that creeps."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.levels import StateEffect, first_order_states
 from sklearn_pgnn.physics.effects.losses import surroundings
 from sklearn_pgnn.physics.effects.rates import PositionEffect, force_scale
 from sklearn_pgnn.physics.effects.springs import LinearStiffness
 from sklearn_pgnn.physics.effects.targets import free_name, pair, parts
 from sklearn_pgnn.physics.expressions import TIME, symbol
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 #: capacities of a further store that a fit starts from, as multiples of the modelled one's
 CAPACITIES = (0.2, 1.0)
@@ -87,7 +82,7 @@ class SecondStore(StateEffect):
         stores = (s for s in super().targets(model) if f"{s}_behind" not in model.states)
         return tuple(s for s in stores if s not in model.settled)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Let the target exchange with a further state."""
         behind = f"{self.target}_behind"
         ahead = symbol(self.target) - symbol(behind)
@@ -170,7 +165,7 @@ class StoreBetween(Effect):
         """Return state and surroundings in words."""
         return "store between {} and {}".format(*parts(target))
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Put the state of the wall in the place of the surroundings."""
         state, around = parts(self.target)
         x, a, wall, r = symbol(state), symbol(around), symbol(f"{state}_wall"), p["ratio"]
@@ -245,17 +240,15 @@ class MaxwellBranch(PositionEffect):
         """The displacement of the point that creeps."""
         return symbol(f"crept_{self.target}")
 
-    def force(
-        self, v: sympy.Expr, position: sympy.Expr, p: Mapping[str, sympy.Symbol]
-    ) -> sympy.Expr:
+    def force(self, v: sympy.Expr, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return k*(x - z)."""
         return p["stiffness"] * (position - self.crept)
 
-    def potential(self, position: sympy.Expr, p: Mapping[str, sympy.Symbol]) -> sympy.Expr:
+    def potential(self, position: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the energy of the spring."""
         return p["stiffness"] * (position - self.crept) ** 2 / 2
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Subtract the force, and add the point that creeps."""
         changes, port, crept = super().rewrite(model, p), model.port(self.target), str(self.crept)
         position = cast("sympy.Expr", port.displacement)
@@ -291,7 +284,7 @@ class MaxwellBranch(PositionEffect):
 class Relaxation(Effect):
     """Branches in series between two terminals, each a resistor with a capacitor beside it."""
 
-    def branches(self, p: Mapping[str, sympy.Symbol]) -> tuple:
+    def branches(self, p: Symbols) -> tuple:
         """Return the resistance and the time constant of every branch, the fast one first."""
         raise NotImplementedError
 
@@ -311,7 +304,7 @@ class Relaxation(Effect):
         output, name = parts(target)
         return f"{cls.id.replace('_', ' ')} from {name} to {output}"
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Add the states of the branches, and their parts of the output."""
         output, name = parts(self.target)
         u, shown = symbol(name), model.outputs[output]
@@ -383,7 +376,7 @@ class RelaxationBranch(Relaxation):
     summary = "A voltage that builds up behind a current: diffusion in a cell, an RC branch."
     check = "Step the input and back to zero: the output jumps, and then creeps to its end."
 
-    def branches(self, p: Mapping[str, sympy.Symbol]) -> tuple:
+    def branches(self, p: Symbols) -> tuple:
         """Return the only branch."""
         return ((p["resistance"], p["time_constant"]),)
 
@@ -437,7 +430,7 @@ class TwoRelaxationBranches(Relaxation):
     summary = "A voltage that builds up behind a current, first fast, then slowly: a cell."
     check = "Step the input and back to zero: the output creeps in two paces to its end."
 
-    def branches(self, p: Mapping[str, sympy.Symbol]) -> tuple:
+    def branches(self, p: Symbols) -> tuple:
         """Return the fast and the slow branch."""
         time = p["time_constant"]
         return (p["fast"], time), (p["slow"], p["ratio"] * time)

@@ -1,11 +1,7 @@
 """Targets of two quantities, one of which depends on the other, and names of added states."""
 
-from typing import TYPE_CHECKING
-
 from sklearn_pgnn.physics.expressions import same_name
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def pair(quantity: str, other: str) -> str:

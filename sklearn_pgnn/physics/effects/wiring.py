@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import sympy
 
-from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effect import Effect, Symbols
 from sklearn_pgnn.physics.expressions import TIME, expanded, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port, with_coefficients
@@ -146,7 +146,7 @@ class _Reversed(_OfChannels):
         """Return the names of the channels."""
         return cls.channels(model)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Replace the channel by its negative."""
         return self.rewired(model, {self.target: (self.target, sympy.Integer(-1))})
 
@@ -189,7 +189,7 @@ class ReversedTerm(Wiring):
         rate = self.target.rsplit(_IN, 1)[1]
         return tuple(output for output in model.outputs if rate in shown_by(model, output))
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Turn the term's sign."""
         rate = self.target.rsplit(_IN, 1)[1]
         turned = expanded(model.equations[rate]) - 2 * _terms(model, rate)[self.target]
@@ -238,7 +238,7 @@ class _Exchanged(_OfChannels):
         alike = (pair for pair in pairs if model.unit(pair[0]) == model.unit(pair[1]))
         return tuple(_AND.join(pair) for pair in alike)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Exchange the channels."""
         (one, other), same = self.target.split(_AND), sympy.Integer(1)
         return self.rewired(model, {one: (other, same), other: (one, same)})
@@ -314,7 +314,7 @@ class Factor(_OfChannels):
         pairs = ((f, name) for name in cls.channels(model) for f in _factors(model.unit(name)))
         return tuple(dict.fromkeys(f"{factor:.12g}{_ON}{name}" for factor, name in pairs))
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Multiply what the output shows by the factor, or divide the input by it."""
         factor = _number(self.of_output)
         return self.rewired(model, {self.quantity: (self.quantity, factor)})
@@ -389,7 +389,7 @@ class OtherClock(Wiring):
         """Return the units of time; with delayed inputs none, since delays are parameters."""
         return () if model.delays else tuple(CLOCKS)
 
-    def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
         """Let the model run at the pace of the file's time."""
         second = _number(CLOCKS[self.target])
         rates = {s: second * e.subs(TIME, second * TIME) for s, e in model.equations.items()}
