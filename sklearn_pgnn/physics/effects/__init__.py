@@ -6,9 +6,12 @@ from difflib import get_close_matches
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.curves import InputCurve, InputPower
-from sklearn_pgnn.physics.effects.dependences import ParameterSaturation, ParameterSlope
+from sklearn_pgnn.physics.effects.dependences import (
+    InputFading,
+    ParameterSaturation,
+    ParameterSlope,
+)
 from sklearn_pgnn.physics.effects.directions import CoefficientByDirection
-from sklearn_pgnn.physics.effects.fading import InputFading
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
@@ -34,13 +37,12 @@ from sklearn_pgnn.physics.effects.inputs import (
 from sklearn_pgnn.physics.effects.joints import ElasticJoint, JointPlay, SpringPlay
 from sklearn_pgnn.physics.effects.levels import (
     Leak,
-    LeakToInput,
     LeakToLevel,
+    Overflow,
     RateLimit,
     StateLimit,
 )
-from sklearn_pgnn.physics.effects.losses import PowerLoss, RadiationLoss
-from sklearn_pgnn.physics.effects.memory import HystereticSpring
+from sklearn_pgnn.physics.effects.losses import LeakToInput, PowerLoss, RadiationLoss
 from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
     SensorCurvature,
@@ -51,13 +53,13 @@ from sklearn_pgnn.physics.effects.outputs import (
     SensorRectification,
     SensorSaturation,
 )
-from sklearn_pgnn.physics.effects.overflow import Overflow
 from sklearn_pgnn.physics.effects.parameters import ParameterDrift, WrongParameter
 from sklearn_pgnn.physics.effects.rates import ConstantLoad, PeriodicDisturbance
 from sklearn_pgnn.physics.effects.springs import (
     Cogging,
     CubicStiffness,
     EndStop,
+    HystereticSpring,
     LinearStiffness,
     QuadraticStiffness,
 )

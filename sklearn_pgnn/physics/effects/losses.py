@@ -1,4 +1,4 @@
-"""Losses to surroundings that grow faster than in proportion: radiation, convection, leaks."""
+"""Losses to surroundings: in proportion, by radiation, by convection."""
 
 from dataclasses import dataclass
 
@@ -11,6 +11,7 @@ from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import maximum
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.repeated_rates import with_rates
 from sklearn_pgnn.physics.scales import Scales
 
 #: what is added to a temperature to make it absolute, by its unit
@@ -192,3 +193,49 @@ class PowerLoss(LossEffect):
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Keep the power where it differs from a loss in proportion."""
         return {"power": (0.1, 3.0)}
+
+
+@dataclass(frozen=True)
+class LeakToInput(LossEffect):
+    r"""An exchange with surroundings given by an input, :math:`\dot x = f - \lambda (x - u)`.
+
+    Parameters
+    ----------
+    target : str
+        State and input, as ``"T(T_room)"``.
+    coefficient : float, default=0
+        Exchange :math:`\lambda` [1/s].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> oven = PhysicsModel({"T": "K"}, {"T": "P/C"}, {"C": 80.0}, {"P": "W", "T_room": "K"})
+    >>> print((oven + LeakToInput("T(T_room)", coefficient=0.01)).to_text())
+    T' = -lu_T_T_room*(T - T_room) + P/C
+    """
+
+    coefficient: float = quantity("lu", "1/s", low=0.0)
+    id = "leak_to_input"
+    summary = "The state tends to the value of a measured input: a heat loss to a measured room."
+    check = "Switch off all other inputs and record: the state tends to that input's value."
+
+    @classmethod
+    def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the first-order states, each with every input of the same unit, if it has one."""
+        return tuple(
+            pair(state, name)
+            for state in first_order_states(model)
+            for name, unit in model.inputs.items()
+            if unit and unit == model.unit(state)
+        )
+
+    @classmethod
+    def title(cls, target: str) -> str:
+        """Return state and input in words."""
+        return "leak of {} to {}".format(*parts(target))
+
+    def rewrite(self, model: PhysicsModel, p: Symbols) -> dict:
+        """Subtract the loss from the state's rate."""
+        state, name = parts(self.target)
+        loss = p["coefficient"] * (symbol(state) - symbol(name))
+        return with_rates(model, {state: model.equations[state] - loss})
