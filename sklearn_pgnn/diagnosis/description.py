@@ -22,11 +22,9 @@ from sklearn_pgnn.estimation.same_in_equations import (
     expressed_parameters,
     same_causes,
 )
-from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
-from sklearn_pgnn.physics.effects.formula import Formula
-from sklearn_pgnn.physics.expressions import parse_expression
+from sklearn_pgnn.physics.effects.formula import Formula, known_part
 from sklearn_pgnn.physics.model import PhysicsModel
 
 #: largest relative difference between coefficients that count as in proportion: what lies beyond is
@@ -64,9 +62,10 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
     """Return the terms of a formula that have a name, each under one.
 
     A name for several terms, whose coefficients must be in its proportion, comes before names for
-    single ones, a parameter of the model before an effect, and a free one before a fixed one.
+    single ones, a parameter of the model before an effect, and a free one before a fixed one. A
+    term with a state that a cause added has no name.
     """
-    formula = _part_within(model, formula)
+    formula = known_part(formula, model)
     terms = tuple(replace(formula, terms=(t,), coefficients=(1.0,)) for t in formula.terms)
     found: list[KnownTerms] = []
     expressed = expressed_parameters(model, terms) if terms else {}
@@ -80,22 +79,6 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
         if term not in _names(found):
             found.append(KnownTerms((term,), effect.id, effect.target))
     return tuple(found)
-
-
-def _part_within(model: PhysicsModel, formula: Formula) -> Formula:
-    """Return the terms that a model can hold; one with a state that a cause added has no name."""
-    pairs = zip(formula.terms, formula.coefficients, strict=True)
-    kept = [(term, value) for term, value in pairs if _can_hold(model, term)]
-    terms, coefficients = zip(*kept, strict=True) if kept else ((), ())
-    return replace(formula, terms=terms, coefficients=coefficients)
-
-
-def _can_hold(model: PhysicsModel, term: str) -> bool:
-    try:
-        parse_expression(term, (*model.states, *model.inputs))
-    except ModelError:
-        return False
-    return True
 
 
 def _names(found: list[KnownTerms]) -> set[str]:

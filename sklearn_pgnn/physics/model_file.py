@@ -10,6 +10,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -254,9 +255,6 @@ class _Reader:
 
     # -- sections ----------------------------------------------------------------------------------
 
-    def title(self, node: Node, part: str) -> str:
-        return self.text_of(node, part)
-
     def version(self, node: Node, part: str) -> str:
         text = self.scalar(node, f"{part}: expected {VERSION}")
         if text != str(VERSION):
@@ -295,12 +293,6 @@ class _Reader:
     def outputs(self, node: Node, part: str) -> dict[str, str]:
         return self.named(node, part, lambda name: name, self.text_of)
 
-    def texts(self, node: Node, part: str) -> dict[str, str]:
-        return self.section(node, part, self.text_of)
-
-    def rows(self, node: Node, part: str) -> dict[str, str | list[str]]:
-        return self.section(node, part, self.text_or_row)
-
     def text_or_row(self, node: Node, what: str) -> str | list[str]:
         if isinstance(node, SequenceNode):
             return [self.text_of(item, what) for item in self.list_of(node, what)]
@@ -334,17 +326,11 @@ class _Reader:
         entries = self.items(node, f"{part}.{key}", (part, key))
         return {name: self.text_of(value, f"{part}.{key}.{name}") for name, value in entries}
 
-    def numbers(self, node: Node, part: str) -> dict[str, float]:
-        return self.section(node, part, self.finite)
-
     def finite(self, node: Node, what: str) -> float:
         value = self.number(node, what)
         if not math.isfinite(value):
             self.refuse(node, f"{what}: expected a finite number, got {value}.")
         return value
-
-    def simulation(self, node: Node, part: str) -> dict[str, str | int]:
-        return self.section(node, part, self.setting)
 
     def setting(self, node: Node, what: str) -> str | int:
         text = self.text_of(node, what)
@@ -354,9 +340,6 @@ class _Reader:
             return int(text)
         except ValueError:
             self.refuse(node, f"{what}: expected an integer >= 1, got {_shown(node)}.")
-
-    def parameters(self, node: Node, part: str) -> dict[str, dict]:
-        return self.section(node, part, self.parameter)
 
     def parameter(self, node: Node, what: str) -> dict:
         if not isinstance(node, MappingNode):
@@ -372,9 +355,6 @@ class _Reader:
         if "value" not in found:
             self.refuse(self.places[("parameters", name)], f"{what}: expected a value, got none.")
         return found
-
-    def ports(self, node: Node, part: str) -> dict[str, dict]:
-        return self.section(node, part, self.port)
 
     def port(self, node: Node, what: str) -> dict:
         found, name = {}, what.split(".", 1)[1]
@@ -394,27 +374,33 @@ class _Reader:
         return numbers
 
 
+def _section(read: Callable[[_Reader, Node, str], Any]) -> Callable[[_Reader, Node, str], dict]:
+    """Return what reads a section, each of its entries by a method of the reader."""
+    return lambda reader, node, part: reader.section(node, part, partial(read, reader))
+
+
+_TEXTS = _section(_Reader.text_of)
 _SECTIONS = {
-    "name": _Reader.title,
+    "name": _Reader.text_of,
     "states": _Reader.units,
     "inputs": _Reader.units,
     "outputs": _Reader.outputs,
-    "parameters": _Reader.parameters,
-    "equations": _Reader.texts,
-    "inertia": _Reader.rows,
-    "forces": _Reader.texts,
-    "capacity": _Reader.rows,
-    "flows": _Reader.texts,
+    "parameters": _section(_Reader.parameter),
+    "equations": _TEXTS,
+    "inertia": _section(_Reader.text_or_row),
+    "forces": _TEXTS,
+    "capacity": _section(_Reader.text_or_row),
+    "flows": _TEXTS,
     "lagrangian": _Reader.lagrangian,
-    "energy": _Reader.texts,
-    "delays": _Reader.texts,
-    "initial_state": _Reader.numbers,
-    "settled": _Reader.texts,
-    "columns": _Reader.texts,
-    "channels": _Reader.texts,
-    "simulation": _Reader.simulation,
-    "let": _Reader.texts,
-    "ports": _Reader.ports,
+    "energy": _TEXTS,
+    "delays": _TEXTS,
+    "initial_state": _section(_Reader.finite),
+    "settled": _TEXTS,
+    "columns": _TEXTS,
+    "channels": _TEXTS,
+    "simulation": _section(_Reader.setting),
+    "let": _TEXTS,
+    "ports": _section(_Reader.port),
     "robot": _Reader.robot,
     "version": _Reader.version,
 }

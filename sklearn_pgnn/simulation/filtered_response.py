@@ -24,7 +24,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.disturbance import Disturbance
 from sklearn_pgnn.simulation.hidden_input import with_hidden_input
-from sklearn_pgnn.simulation.kalman import run_filter
+from sklearn_pgnn.simulation.kalman import filter_samples
 from sklearn_pgnn.simulation.linear_response import output_slopes
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
@@ -68,7 +68,7 @@ def linearise_filtered(
 
 def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
     """Return the states after and before every sample, and the transitions, window by window."""
-    function, source = compile_model(model, (), windows.method)
+    compiled = compile_model(model, (), windows.method)
     u, p = windows.acting_inputs(model), parameter_values(model)
     n, size = len(model.states), windows.t.size
     filtered, predicted = np.full((size, n), np.nan), np.full((size, n), np.nan)
@@ -76,30 +76,13 @@ def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
     diffusion = np.zeros(n)
     diffusion[-1], P0[-1, -1] = 2.0 * disturbance.variance / disturbance.time, disturbance.variance
     expected = np.column_stack([starts.x0 + starts.mean, np.zeros(len(windows))])
-    usual = windows.usual_intervals
-    for w, (a, count) in enumerate(zip(windows.starts, windows.lengths, strict=True)):
+    noise = diffusion, variance
+    of_windows = windows.starts, windows.lengths, windows.usual_intervals
+    for w, (a, count, usual) in enumerate(zip(*of_windows, strict=True)):
         rows, P0[:-1, :-1] = slice(a, a + count), starts.covariance[w]
-        run_filter(
-            function.argument,
-            windows.t[rows],
-            np.ascontiguousarray(u[rows]),
-            windows.hold == "foh",
-            np.ascontiguousarray(windows.y[rows]),
-            usual[w],
-            p,
-            expected[w],
-            P0,
-            diffusion,
-            variance,
-            source.dry,
-            windows.substeps,
-            source.size,
-            filtered[rows],
-            np.empty((count, n, n)),
-            predicted[rows],
-            np.empty((count, n, n)),
-            F[rows],
-        )
+        P, Pp = np.empty((count, n, n)), np.empty((count, n, n))
+        into, first = (filtered[rows], P, predicted[rows], Pp, F[rows]), (expected[w], P0)
+        filter_samples(compiled, windows, rows, u, windows.y, usual, p, first, noise, into)
     return filtered, predicted, F
 
 

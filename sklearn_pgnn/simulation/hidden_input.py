@@ -26,7 +26,7 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.places import add_at
 from sklearn_pgnn.simulation.compiled import compile_model
-from sklearn_pgnn.simulation.kalman import run_filter, run_smoother
+from sklearn_pgnn.simulation.kalman import filter_samples, run_smoother
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import usual_interval
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -91,7 +91,7 @@ class _Filter:
     """The filter of a model with a hidden input on a set of records."""
 
     def __init__(self, model, windows, x, spread, size):
-        self.function, self.source = compile_model(model, (), windows.method)
+        self.compiled = compile_model(model, (), windows.method)
         self.p, self.u = parameter_values(model), windows.acting_inputs(model)
         self.windows, self.spans = windows, list(pairwise(windows.bounds))
         self.starts = [np.append(x[a], 0.0) for a, _ in self.spans]
@@ -101,28 +101,13 @@ class _Filter:
         (a, b), nx, windows = span, start.size, self.windows
         states = np.empty((b - a, nx)), np.empty((b - a, nx, nx))
         predicted = np.empty((b - a, nx)), np.empty((b - a, nx, nx))
-        steps = np.zeros((b - a, nx, nx))
-        diffusion = np.append(1e-8 * np.diag(self.P0)[:-1], intensity)
-        likelihood = run_filter(
-            self.function.argument,
-            windows.t[a:b],
-            np.ascontiguousarray(self.u[a:b]),
-            windows.hold == "foh",
-            np.ascontiguousarray(windows.y[a:b]),
-            usual_interval(windows.t[a:b]),
-            self.p,
-            start,
-            self.P0,
-            diffusion,
-            windows.scale**2,
-            self.source.dry,
-            windows.substeps,
-            self.source.size,
-            *states,
-            *predicted,
-            steps,
+        into = (*states, *predicted, np.zeros((b - a, nx, nx)))
+        noise = np.append(1e-8 * np.diag(self.P0)[:-1], intensity), windows.scale**2
+        rows, usual, first = slice(a, b), usual_interval(windows.t[a:b]), (start, self.P0)
+        likelihood = filter_samples(
+            self.compiled, windows, rows, self.u, windows.y, usual, self.p, first, noise, into
         )
-        return likelihood, (*states, *predicted, steps)
+        return likelihood, into
 
     def likelihood(self, intensity) -> float:
         """Return the log-likelihood of all records; very small where one diverged."""

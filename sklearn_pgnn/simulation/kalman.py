@@ -133,6 +133,19 @@ def run_filter(
     return total
 
 
+def filter_samples(compiled, windows, rows: slice, u, y, usual, p, start, noise, into) -> float:
+    """Filter some samples of windows; return the log-likelihood.
+
+    `start` are mean and covariance of the first state, `noise` the diffusion of the states and the
+    variance of the outputs, `into` the arrays that are filled, see `run_filter`.
+    """
+    function, source = compiled
+    u, y = np.ascontiguousarray(u[rows]), np.ascontiguousarray(y[rows])
+    given = function.argument, windows.t[rows], u, windows.hold == "foh", y, usual, p
+    steps = source.dry, windows.substeps, source.size
+    return run_filter(*given, *start, *noise, *steps, *into)
+
+
 def run_smoother(X, P, Xp, Pp, F):
     """Smooth filtered states and covariances in place, from the last sample back."""
     scale = np.sqrt(np.maximum(np.diagonal(Pp[1:], axis1=1, axis2=2), 1e-300))

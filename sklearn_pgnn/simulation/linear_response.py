@@ -17,7 +17,7 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.hidden_input import with_hidden_input
-from sklearn_pgnn.simulation.kalman import multiply, run_filter, set_unit
+from sklearn_pgnn.simulation.kalman import filter_samples, multiply, set_unit
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.source import differentiate
@@ -111,33 +111,17 @@ def transitions(
     model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the transition over every sample interval, and the states, window by window."""
-    function, source = compile_model(model, (), windows.method)
+    compiled = compile_model(model, (), windows.method)
     u, p, nx = windows.acting_inputs(model), parameter_values(model), len(model.states)
     F, x = np.zeros((windows.t.size, nx, nx)), np.zeros((windows.t.size, nx))
-    nothing, blind = np.zeros((nx, nx)), np.full(windows.y.shape[1], np.inf)
+    unseen = np.full(windows.y.shape, np.nan)
+    noise = np.zeros(nx), np.full(windows.y.shape[1], np.inf)
     of_windows = windows.starts, windows.lengths, windows.usual_intervals
     for a, n, usual, start in zip(*of_windows, x0, strict=True):
         rows = slice(a, a + n)
         unused = np.empty((n, nx, nx)), np.empty((n, nx)), np.empty((n, nx, nx))
-        run_filter(
-            function.argument,
-            windows.t[rows],
-            np.ascontiguousarray(u[rows]),
-            windows.hold == "foh",
-            np.full((n, blind.size), np.nan),
-            usual,
-            p,
-            start,
-            nothing,
-            np.zeros(nx),
-            blind,
-            source.dry,
-            windows.substeps,
-            source.size,
-            x[rows],
-            *unused,
-            F[rows],
-        )
+        first, into = (start, np.zeros((nx, nx))), (x[rows], *unused, F[rows])
+        filter_samples(compiled, windows, rows, u, unseen, usual, p, first, noise, into)
     return F, x
 
 
