@@ -11,9 +11,9 @@ from sklearn_pgnn.cli.options import MODEL_FILE, make_system
 from sklearn_pgnn.cli.output import refuse_existing, write_file
 from sklearn_pgnn.physics.channel_kinds import COMMANDED, usual_kind
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.found_ports import column
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import write_model
-from sklearn_pgnn.physics.places import column
 from sklearn_pgnn.priors.robot_section import is_robot, options_of, robot_text
 from sklearn_pgnn.trajectories.files import open_file
 

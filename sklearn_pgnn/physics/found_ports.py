@@ -105,20 +105,20 @@ def _of_inputs(model: PhysicsModel, known: list[dict[str, sympy.Expr]]) -> dict[
     found: dict[str, Port] = {}
     twice = set()
     for name, unit in model.inputs.items():
-        column = _column(model, name)
-        driven = "" if column in known else _driven(model, column)
+        slopes = column(model, name)
+        driven = "" if slopes in known else _driven(model, slopes)
         own = own_entry(model.inertia, driven)
-        alone = own is not None and column[driven] == 1 / own
+        alone = own is not None and slopes[driven] == 1 / own
         if driven and not alone and _is_effort(unit, model.unit(driven)):
             twice |= {driven} & set(found)
-            found[driven] = _port(model, driven, column, unit)
+            found[driven] = _port(model, driven, slopes, unit)
     return {state: port for state, port in found.items() if state not in twice}
 
 
-def _column(model: PhysicsModel, name: str) -> dict[str, sympy.Expr]:
-    """Return the coefficients of an input in the rates."""
+def column(model: PhysicsModel, name: str) -> dict[str, sympy.Expr]:
+    """Return the derivatives of the rates that contain an input or a parameter by it."""
     u = symbol(name)
-    return {s: rate.diff(u) for s, rate in model.equations.items() if rate.has(u)}
+    return {s: rate.diff(u) for s, rate in model.equations.items() if u in rate.free_symbols}
 
 
 def _driven(model: PhysicsModel, column: Mapping[str, sympy.Expr]) -> str:

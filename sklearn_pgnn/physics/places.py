@@ -8,6 +8,7 @@ import sympy
 
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.found_ports import column
 from sklearn_pgnn.physics.repeated_rates import with_rates
 from sklearn_pgnn.physics.typical import typical_inertia
 
@@ -40,12 +41,6 @@ def places_of(model: PhysicsModel) -> tuple[str, ...]:
         name for name in model.inputs if len(own := column(model, name)) > 1 and own not in columns
     )
     return (*ports, *several, *(name for name in model.outputs if name not in model.states))
-
-
-def column(model: PhysicsModel, name: str) -> dict[str, sympy.Expr]:
-    """Return the coefficients of an input in the rates, where they contain it."""
-    u = symbol(name)
-    return {s: rate.diff(u) for s, rate in model.equations.items() if u in rate.free_symbols}
 
 
 def add_at(model: PhysicsModel, place: str, expression: sympy.Expr) -> dict[str, Any]:

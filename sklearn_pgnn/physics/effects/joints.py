@@ -13,6 +13,7 @@ from sklearn_pgnn.physics.effects.friction import driving_force
 from sklearn_pgnn.physics.effects.rates import PositionEffect
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+from sklearn_pgnn.physics.found_ports import column
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.typical import typical_inertia
@@ -299,16 +300,10 @@ class SpringPlay(Effect):
         return {"position": _reach(target, model, scales)}
 
 
-def _slopes(model: PhysicsModel, parameter: str) -> dict[str, sympy.Expr]:
-    """Return the derivatives of the rates that contain a parameter."""
-    k = symbol(parameter)
-    return {state: rate.diff(k) for state, rate in model.equations.items() if rate.has(k)}
-
-
 def _stretch(model: PhysicsModel, parameter: str) -> sympy.Expr | None:
     """Return the difference of positions that a parameter multiplies in all rates with it."""
     places = {symbol(q) for q in model.kinematic_pairs.values()}
-    slopes = _slopes(model, parameter).values()
+    slopes = column(model, parameter).values()
     found = {None if s.has(symbol(parameter)) else _along(s, places) for s in slopes}
     return found.pop() if len(found) == 1 else None
 
@@ -329,6 +324,6 @@ def _reach(target: str, model: PhysicsModel, scales: Scales) -> float:
     stretch = _stretch(model, target)
     known = {symbol(n): p.value for n, p in model.parameters.items()}
     known |= {symbol(n): value for n, value in scales.typical.items()}
-    gains = {s: sympy.cancel(a / stretch) for s, a in _slopes(model, target).items()}
+    gains = {s: sympy.cancel(a / stretch) for s, a in column(model, target).items()}
     pulls = {s: abs(float((symbol(target) * g).subs(known))) for s, g in gains.items()}
     return min(scales.rate[state] / pull for state, pull in pulls.items() if pull)
