@@ -2,12 +2,10 @@
 # mypy: disable-error-code="has-type,assignment,operator,misc,union-attr,arg-type"
 """The paper's physics-guided neural network with a physical loss, as a skorch regressor."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn, Self
+from typing import Any, NoReturn, Self
 
 import numpy as np
 from sklearn.base import MultiOutputMixin
@@ -32,6 +30,7 @@ from sklearn_pgnn.estimators.simulated_predictions import (
 from sklearn_pgnn.estimators.table_names import is_timed
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.network_run import network_record
 from sklearn_pgnn.threads import one_thread_each
@@ -43,9 +42,6 @@ from sklearn_pgnn.trajectories.validation import (
     tags_of_records,
 )
 from sklearn_pgnn.user_line import warn_user
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
 
 with needed_by("PGNNLRegressor"):
     import torch

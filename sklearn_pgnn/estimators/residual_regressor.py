@@ -1,9 +1,7 @@
 """Residual modelling: a physical model, and a regressor of its error."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -21,6 +19,7 @@ from sklearn_pgnn.estimators.simulated_predictions import (
     one_simulation_warning,
     predict_records_ahead,
 )
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.simulation.free_run import steps_for
@@ -42,9 +41,6 @@ from sklearn_pgnn.trajectories.validation import (
     require_target,
     validate_table,
 )
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
 
 
 class ResidualRegressor(SimulatingMixin, MultiOutputMixin, GapScoreMixin, BaseEstimator):

@@ -1,15 +1,14 @@
 """Grey-box recipe as an estimator: diagnose, fit, learn the rest; the depth is cross-validated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, check_memory
 
 from sklearn_pgnn.annotations import Column, Table
+from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimators.progress import progress_printer, silence, with_progress
 from sklearn_pgnn.estimators.simulated_predictions import SimulatingMixin
 from sklearn_pgnn.exceptions import OptionError
@@ -54,9 +53,6 @@ from sklearn_pgnn.trajectories.validation import (
     tags_of_records,
     validate_table,
 )
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 
 class GreyBoxRegressor(MultiOutputMixin, SimulatingMixin, GapScoreMixin, BaseEstimator):

@@ -1,25 +1,21 @@
 """Plot of a diagnosis: measured outputs, prior and extended model, and the evidence."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.diagnosis.free_run import free_runs
+from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.evidence import Evidence, find_evidence
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, plain, shown_figure, tidy
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 
 #: points drawn of a cloud, and bins of its median
 CLOUD, BINS = 4000, 45

@@ -1,13 +1,13 @@
 """Pictures of what a diagnosis has found: candidates, causes, parameters, detectable sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
+from sklearn_pgnn.experiment_design.detectability import Detectability
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.display import draw_evidence
 from sklearn_pgnn.inspection.evidence import find_evidence, missing_evidence
@@ -22,11 +22,7 @@ from sklearn_pgnn.inspection.style import (
     tidy,
 )
 from sklearn_pgnn.inspection.yardstick import ratio, together
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
-    from sklearn_pgnn.experiment_design.detectability import Detectability
-    from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model import PhysicsModel
 
 
 class CandidatesDisplay(AxesDisplay):

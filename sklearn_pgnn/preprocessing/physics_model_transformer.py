@@ -1,13 +1,12 @@
 """The simulation of a physical model, as further columns of a table of samples."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils import Tags
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sklearn_pgnn.annotations import ArrayLike, Column, Table
@@ -28,15 +27,10 @@ from sklearn_pgnn.trajectories.reader import (
     rows_in_order,
     split_rows,
 )
+from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.tables import SIMULATED, column_of, time_name
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 from sklearn_pgnn.user_line import warn_user
-
-if TYPE_CHECKING:
-    from sklearn.utils import Tags
-
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.trajectories.record import Record
 
 
 class PhysicsModelTransformer(TransformerMixin, BaseEstimator):

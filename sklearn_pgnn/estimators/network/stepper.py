@@ -16,31 +16,10 @@ from sklearn_pgnn.simulation.simulate import settled_start, simulate
 
 
 class Stepper:
-    """A trained network with its state and its present weights, advanced sample by sample.
+    """A trained network with its state `x` at the time `t` [s] since the start, and its weights.
 
-    Made by `PGNNLRegressor.stepper`.
-
-    Parameters
-    ----------
-    core : Module
-        The trained core, feed-forward.
-    step : NetworkStep
-        Definition of the network's step.
-    x0 : array-like of shape (n_states,) or None
-        Initial state; None for the model's, its `settled` states at the first input.
-    interval : float
-        Sample interval [s].
-    guide_line : (ndarray, ndarray)
-        Slope and offset by which the simulated columns of the training data follow the simulation.
-    parts : int, default=1
-        Steps of the network from sample to sample.
-
-    Attributes
-    ----------
-    x : ndarray of shape (n_states,)
-        The state.
-    t : float
-        Time since the start [s].
+    Made by `PGNNLRegressor.stepper`. `guide_line` are slope and offset by which the simulated
+    columns of the training data follow the simulation, `parts` the steps from sample to sample.
     """
 
     def __init__(
@@ -67,27 +46,11 @@ class Stepper:
         self._inputs: deque[np.ndarray] = deque(maxlen=int(longest / interval) + 3)
 
     def step(self, u, features=()) -> np.ndarray:
-        """Advance by one sample.
+        """Return the outputs at the next sample, until which the inputs are held.
 
-        Parameters
-        ----------
-        u : array-like of shape (n_inputs,)
-            Inputs, held until the next sample.
-        features : array-like of shape (n_features,), default=()
-            Further columns at the next sample.
-
-        Returns
-        -------
-        ndarray of shape (n_outputs,)
-            Outputs at the next sample, while `u` still acts; where an output depends on an input
-            itself, `output` gives it once the next input is known.
-
-        Raises
-        ------
-        ValueError
-            If an input has the wrong shape or is not finite; nothing is advanced then.
-        SimulationError
-            If the simulation that guides the network becomes non-finite; nothing is advanced then.
+        `features` are further columns there. Where an output depends on an input itself, `output`
+        gives it once the next input is known. After an error, of a wrong or not finite input or of
+        the simulation that guides the network, nothing is advanced.
         """
         u, features = self._read(u), np.ravel(features)
         seen = self._features_along(features) if features.size else self._none
@@ -100,18 +63,7 @@ class Stepper:
         return self._outputs(acting[-1])
 
     def output(self, u) -> np.ndarray:
-        """Return the outputs of the present sample, as ``predict`` does.
-
-        Parameters
-        ----------
-        u : array-like of shape (n_inputs,)
-            Inputs at the present sample.
-
-        Returns
-        -------
-        ndarray of shape (n_outputs,)
-            Outputs; nothing is advanced.
-        """
+        """Return the outputs at the present sample, as ``predict`` does; nothing is advanced."""
         return self._outputs(self._acting_along(self._read(u))[0])
 
     def _read(self, u) -> np.ndarray:

@@ -121,15 +121,7 @@ class TrajectoryNet(NeuralNetRegressor):
         return f"{type(self).__name__}({', '.join(changed)})"
 
     def notify(self, method_name: str, **cb_kwargs: Any) -> None:
-        """Call a method of all callbacks, passing the data sets as rows of X and y, not windows.
-
-        Parameters
-        ----------
-        method_name : str
-            Name of the method, such as ``"on_epoch_end"``.
-        **cb_kwargs
-            Its arguments.
-        """
+        """Call a method of all callbacks, passing the data sets as rows of X and y, not windows."""
         if "dataset_train" in cb_kwargs:
             cb_kwargs |= self._data.rows if self._data else {}
         super().notify(method_name, **cb_kwargs)
@@ -412,21 +404,8 @@ class TrajectoryNet(NeuralNetRegressor):
     def get_loss(self, y_pred: Any, y_true: Any, X: Table = None, training: bool = False) -> Any:
         r"""Return the loss, :math:`(1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}`.
 
-        Parameters
-        ----------
-        y_pred : Tensor
-            Predicted states of windows, or targets of rows.
-        y_true : Tensor
-            Target values: states (single steps), outputs (rollouts), targets (rows).
-        X : dict of str to Tensor, optional
-            The windows.
-        training : bool, default=False
-            Whether the network is being trained.
-
-        Returns
-        -------
-        Tensor
-            The loss.
+        `y_pred` are states of windows, or targets of rows; `y_true` are states (single steps),
+        outputs (rollouts) or targets (rows), and `X` the windows.
         """
         y_true = to_tensor(y_true, device=self.device)
         if self._phase is None:
