@@ -11,7 +11,7 @@ from scipy.io import loadmat
 from sklearn_pgnn.annotations import FilePath
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.parameter import Parameter, by_name
 
 #: force on the carriage per volt of the controller's output [N/V]
 DRIVE_GAIN = 35.15065188
@@ -332,10 +332,10 @@ def _emps_prior() -> PhysicsModel:
         states={"q": "m", "v": "m/s"},
         inputs={"force": "N"},
         outputs={"position": "q"},
-        parameters=[
+        parameters=by_name(
             Parameter("M", 95.0, unit="kg", bounds=(10.0, 1000.0)),
             Parameter("Fv", 203.0, unit="N s/m", bounds=(0.0, 2000.0)),
-        ],
+        ),
         equations={"q": "v", "v": "(force - Fv*v)/M"},
         inertia={"v": "M"},
     )
@@ -348,12 +348,12 @@ def _tanks_prior() -> PhysicsModel:
         states={"x1": "V", "x2": "V"},
         inputs={"pump": "V"},
         outputs={"level": "x2"},
-        parameters=[
+        parameters=by_name(
             flow("k1", 0.05, unit="V^0.5/s"),
             flow("k2", 0.05, unit="V^0.5/s"),
             flow("k3", 0.05, unit="V^0.5/s"),
             flow("k4", 0.04, unit="1/s"),
-        ],
+        ),
         equations={
             "x1": "-k1*sqrt(max(x1, 0)) + k4*pump",
             "x2": "k2*sqrt(max(x1, 0)) - k3*sqrt(max(x2, 0))",
@@ -368,12 +368,12 @@ def _drives_prior() -> PhysicsModel:
         states={"speed": "1/s", "acceleration": "1/s^2", "drive": "1/s"},
         inputs={"voltage": "V"},
         outputs={"pulses": "speed"},
-        parameters=[
+        parameters=by_name(
             Parameter("k", 0.9, unit="1/(V s)", bounds=(0.05, 20.0)),
             Parameter("alpha", 4.9, unit="1/s", bounds=(0.1, 100.0)),
             Parameter("xi", 0.15, bounds=(0.001, 5.0)),
             Parameter("omega0", 22.9, unit="rad/s", bounds=(1.0, 100.0)),
-        ],
+        ),
         equations={
             "speed": "acceleration",
             "acceleration": "omega0**2*(drive - speed) - 2*xi*omega0*acceleration",
@@ -389,10 +389,10 @@ def _silverbox_prior() -> PhysicsModel:
         states={"y": "V", "v": "V/s"},
         inputs={"drive": "V"},
         outputs={"response": "y"},
-        parameters=[
+        parameters=by_name(
             unknown("b", 1.8e5, unit="1/s^2"),
             unknown("d", 20.0, unit="1/s"),
             unknown("k", 1.8e5, unit="1/s^2"),
-        ],
+        ),
         equations={"y": "v", "v": "b*drive - d*v - k*y"},
     )

@@ -23,8 +23,7 @@ from sklearn_pgnn.estimators.simulated_predictions import SimulatingMixin
 from sklearn_pgnn.exceptions import FitWarning, OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_bounds
-from sklearn_pgnn.simulation.divergence import limits_of
-from sklearn_pgnn.simulation.finite_run import FreeRuns
+from sklearn_pgnn.simulation.finite_run import FreeRuns, limits_of
 from sklearn_pgnn.simulation.intervals import (
     check_coverage,
     interval_around,

@@ -20,8 +20,7 @@ from sklearn_pgnn.estimators.simulated_predictions import (
     predict_records_ahead,
 )
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.divergence import limits_of
-from sklearn_pgnn.simulation.finite_run import quantities_of
+from sklearn_pgnn.simulation.finite_run import limits_of, quantities_of
 from sklearn_pgnn.simulation.free_run import steps_for
 from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise

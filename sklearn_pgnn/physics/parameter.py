@@ -139,3 +139,8 @@ class Parameter:
             A new parameter; this one is unchanged.
         """
         return replace(self, spread=float(spread))
+
+
+def by_name(*parameters: Parameter) -> dict[str, Parameter]:
+    """Return parameters by their names."""
+    return {parameter.name: parameter for parameter in parameters}

@@ -1,7 +1,7 @@
 """Ready systems, with the tables and the sources they come from."""
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.parameter import Parameter, by_name
 
 
 def golf_robot() -> PhysicsModel:
@@ -36,7 +36,7 @@ def golf_robot() -> PhysicsModel:
         states={"phi": "rad", "omega": "rad/s"},
         inputs={"torque": "N m"},
         outputs={"phi_measured": "phi"},
-        parameters=[
+        parameters=by_name(
             Parameter("m", 0.5241, unit="kg", bounds=(0.05, 5.0)),
             Parameter("a", 0.4702, unit="m", bounds=(0.05, 5.0)),
             Parameter("J", 0.1445, unit="kg m^2", bounds=(0.01, 1.0)),
@@ -44,7 +44,7 @@ def golf_robot() -> PhysicsModel:
             Parameter("r", 0.0245, unit="m", bounds=(0.001, 0.2)),
             Parameter("mu", 1.5136, unit="", bounds=(0.0, 10.0)),
             Parameter("g", 9.81, unit="m/s^2", fixed=True),
-        ],
+        ),
         equations={
             "phi": "omega",
             "omega": f"(-m*g*a*sin(phi) - d*omega - {friction} + 4*torque)/J",
@@ -107,7 +107,7 @@ def servo_valve(limits: bool = False) -> PhysicsModel:
         states={"y": "", "v": "1/s"},
         inputs={"voltage": "V"},
         outputs={"y_measured": "y"},
-        parameters=parameters,
+        parameters=by_name(*parameters),
         equations=equations,
         energy={
             "stored": "v**2/2 + (2*pi*f_V)**2*y**2/2",
@@ -146,12 +146,12 @@ def two_tanks() -> PhysicsModel:
         states={"x1": "cm", "x2": "cm"},
         inputs={"pump": "V"},
         outputs={"level": "x2"},
-        parameters=[
+        parameters=by_name(
             Parameter("k1", 0.05, unit="cm^0.5/s", bounds=(0.001, 1.0)),
             Parameter("k2", 0.05, unit="cm^0.5/s", bounds=(0.001, 1.0)),
             Parameter("k3", 0.055, unit="cm^0.5/s", bounds=(0.001, 1.0)),
             Parameter("k4", 0.04, unit="cm/(V s)", bounds=(0.001, 1.0)),
-        ],
+        ),
         equations={
             "x1": "-k1*sqrt(max(x1, 0)) + k4*pump",
             "x2": "k2*sqrt(max(x1, 0)) - k3*sqrt(max(x2, 0))",
@@ -178,11 +178,11 @@ def cart_on_spring() -> PhysicsModel:
         states={"x": "m", "v": "m/s"},
         inputs={"force": "N"},
         outputs={"position": "x"},
-        parameters=[
+        parameters=by_name(
             Parameter("m", 2.0, unit="kg", bounds=(0.1, 50.0)),
             Parameter("k", 40.0, unit="N/m", bounds=(0.1, 1000.0)),
             Parameter("d", 1.5, unit="N s/m", bounds=(0.0, 50.0)),
-        ],
+        ),
         equations={"x": "v", "v": "(-k*x - d*v + force)/m"},
         inertia={"v": "m"},
         energy={

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import PhysicsModel
-from sklearn_pgnn.simulation.divergence import limits_of
-from sklearn_pgnn.simulation.finite_run import FreeRuns, simulate_quantities
+from sklearn_pgnn.simulation.finite_run import FreeRuns, limits_of, simulate_quantities
 from sklearn_pgnn.trajectories import read_records
 
 pytestmark = pytest.mark.core
