@@ -51,3 +51,12 @@ def browser():
             pytest.skip(f"no Chromium here: {error}")
         yield opened
         opened.close()
+
+
+@pytest.fixture(scope="module")
+def golf():
+    """Return records of the golf robot at 100 Hz, with a one-dimensional y."""
+    from sklearn_pgnn.datasets import make_golf_robot
+
+    X, y = make_golf_robot(sample_rate=100, duration=3)
+    return X, y["phi_measured"].to_numpy()

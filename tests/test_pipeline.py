@@ -18,7 +18,6 @@ import sklearn_pgnn
 from sklearn_pgnn import (
     PGNNLRegressor,
     PhysicsModelTransformer,
-    datasets,
     effects,
     make_pgnn_pipeline,
     systems,
@@ -29,13 +28,6 @@ from sklearn_pgnn.model_selection import TrajectoryKFold
 GOLF = systems.golf_robot()
 QUICK = {"max_epochs": 4, "module__neurons": 4, "refine_max_iter": 6, "substeps": 2}
 ROOT = Path(sklearn_pgnn.__file__).parents[1]
-
-
-@pytest.fixture(scope="module")
-def golf():
-    """Return records of the golf robot at 100 Hz."""
-    X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
-    return X, y["phi_measured"].to_numpy()
 
 
 def by_hand(scaler, columns, **network):

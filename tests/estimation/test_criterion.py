@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times, white_power
 from sklearn_pgnn.estimation.criterion import (
     SelectionCriterion,
     accuracy_gained,
@@ -324,37 +324,46 @@ def test_the_improbable_is_no_rival():
     assert CRITERION.probable(rivals, 50.0) == [("same", 0.0), ("near", 1.0)]
 
 
-pytestmark = pytest.mark.core
-
-
-def errors_of(errors):
-    """Return what a free run with these errors leaves."""
-    squares, counts = np.array([np.sum(errors**2)]), np.array([float(errors.size)])
-    segment = np.zeros(errors.size, dtype=int)
-    return Residuals(squares, counts, np.ones(1), errors[:, None], segment)
-
-
 def test_simulations_of_equal_accuracy_are_taken_for_different_as_often_as_alpha():
     rng, beyond = np.random.default_rng(0), 0
     for _ in range(400):
         slow = lfilter([1.0], [1.0, -0.95], rng.normal(size=(2, 2000)), axis=1)
-        beyond += accuracy_gained(errors_of(slow[0]), errors_of(slow[1])) < -norm.ppf(1 - 0.05)
+        beyond += accuracy_gained(simulated(slow[0]), simulated(slow[1])) < -norm.ppf(1 - 0.05)
     assert 0.02 < beyond / 400 < 0.1
 
 
 @given(st.floats(1e-6, 1e6))
 def test_the_gain_of_accuracy_knows_no_units_and_no_favourite(unit):
     near, far = np.random.default_rng(0).normal(size=(2, 500)) * [[1.0], [1.5]]
-    gained = accuracy_gained(errors_of(far), errors_of(near))
+    gained = accuracy_gained(simulated(far), simulated(near))
     assert gained > 3.0
-    assert accuracy_gained(errors_of(near), errors_of(far)) == pytest.approx(-gained)
-    scaled = accuracy_gained(errors_of(unit * far), errors_of(unit * near))
+    assert accuracy_gained(simulated(near), simulated(far)) == pytest.approx(-gained)
+    scaled = accuracy_gained(simulated(unit * far), simulated(unit * near))
     assert scaled == pytest.approx(gained, rel=1e-6)
 
 
 def test_a_simulation_that_diverges_is_the_worse_one():
     errors = np.random.default_rng(0).normal(size=500)
-    finite, lost = errors_of(errors), errors_of(np.append(errors[1:], np.inf))
+    finite, lost = simulated(errors), simulated(np.append(errors[1:], np.inf))
     assert accuracy_gained(finite, lost) == -np.inf
     assert accuracy_gained(lost, finite) == np.inf
     assert accuracy_gained(lost, lost) == 0.0
+
+
+def test_rows_without_a_measured_value_change_nothing():
+    rng = np.random.default_rng(0)
+    rest = np.cumsum(rng.normal(size=(400, 1)), axis=0) % 3.0
+    sparse = np.full((800, 1), np.nan)
+    sparse[::2] = rest
+    segment, starts = np.repeat([0, 1], 200), np.array([0, 200])
+    assert np.allclose(white_power(sparse, 2 * starts), white_power(rest, starts))
+    assert np.allclose(
+        autocorrelation_times(sparse, np.repeat(segment, 2)), autocorrelation_times(rest, segment)
+    )
+
+
+def test_what_stays_all_through_a_window_counts_once_for_it():
+    """The mean over windows is then as uncertain as of one sample in each."""
+    constant = np.repeat(np.random.default_rng(0).normal(size=50), 40)[:, None]
+    (time,) = autocorrelation_times(constant, np.repeat(np.arange(50), 40))
+    assert time == pytest.approx(40.0)

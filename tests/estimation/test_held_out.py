@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from sledge import SLEDGE as CART
 
 from sklearn_pgnn import (
@@ -21,6 +23,7 @@ from sklearn_pgnn.diagnosis.result import measure_gain
 from sklearn_pgnn.estimation import fold_fits, window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.fold_fits import keep_taught
 from sklearn_pgnn.estimation.held_out import (
     MOST_HELD_OUT,
     CrossValidation,
@@ -385,3 +388,34 @@ def test_the_interval_of_the_gain_resamples_windows_and_not_their_blocks(monkeyp
     fitter = SimpleNamespace(problem=problem, prior=None, **left)
     gain = measure_gain(fitter, {"refitted": None, "extended": None}, 0)["v"]
     assert gain.low == pytest.approx(gain.explained_share) == gain.high
+
+
+def told(rng, n, rank):
+    """Return the information of so many directions."""
+    some = rng.normal(size=(n, rank))
+    return some @ some.T
+
+
+@given(st.integers(2, 6), st.integers(0, 99))
+def test_a_fold_moves_only_what_the_others_do_not_tell(n, seed):
+    """In any units of the parameters."""
+    rng = np.random.default_rng(seed)
+    fold, others = np.eye(n) + told(rng, n, n), 1e4 * told(rng, n, n - 1)
+    sharp, directions = np.linalg.eigh(others)
+    assume(sharp[1] > 10 * np.linalg.eigvalsh(fold)[-1])
+    precision = keep_taught(fold, others)
+    step = np.linalg.solve(fold + precision, fold @ rng.normal(size=n))
+    across = directions[:, 1:].T @ step
+    assert np.linalg.norm(across) < 1e-3 * np.linalg.norm(step)
+    units = 10.0 ** rng.uniform(-3, 3, n)
+    outer = np.outer(units, units)
+    scaled = keep_taught(outer * fold, outer * others)
+    np.testing.assert_allclose(scaled / outer, precision, rtol=1e-4, atol=1e-4 * sharp[-1])
+
+
+@pytest.mark.parametrize("share", [0.2, 1.0, 50.0])
+def test_a_fold_moves_nothing_where_the_others_tell_a_tenth_of_what_it_does(share):
+    fold = told(np.random.default_rng(0), 4, 4)
+    assert keep_taught(fold, share * fold) is None
+    assert keep_taught(np.zeros((4, 4)), fold) is None
+    assert keep_taught(fold, 0.05 * fold) is not None

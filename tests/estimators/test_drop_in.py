@@ -14,7 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from sklearn_pgnn import PhysicsModelRegressor, PhysicsModelTransformer, datasets, systems
+from sklearn_pgnn import PhysicsModelRegressor, PhysicsModelTransformer, systems
 from sklearn_pgnn.estimators.residual_regressor import ResidualRegressor
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.model_selection import TrajectoryKFold
@@ -22,13 +22,6 @@ from sklearn_pgnn.model_selection import TrajectoryKFold
 GOLF = systems.golf_robot()
 STATES = list(GOLF.states)
 FOREST = RandomForestRegressor(20, min_samples_leaf=5, random_state=0)
-
-
-@pytest.fixture(scope="module")
-def golf():
-    """Return records of the golf robot, with a one-dimensional y."""
-    X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
-    return X, y["phi_measured"].to_numpy()
 
 
 @pytest.fixture(scope="module")

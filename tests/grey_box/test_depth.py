@@ -1,9 +1,10 @@
-"""Depths of the recipe see what is visible, and nothing behind it."""
+"""Depths of the recipe see and start by what is visible, and nothing behind it."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+import pytest
 from sklearn.base import BaseEstimator
 
 from sklearn_pgnn import PhysicsModel
@@ -13,6 +14,7 @@ from sklearn_pgnn.grey_box.depth import (
     fit_network,
     states_met,
 )
+from sklearn_pgnn.grey_box.initial_state import find_initial_state
 from sklearn_pgnn.grey_box.tables import PlainTable
 
 LAG = PhysicsModel({"v": "V"}, {"v": "(u - v)/T"}, {"T": 1.0}, {"u": "V"})
@@ -98,3 +100,45 @@ def test_a_network_gets_a_trajectory_until_its_last_visible_measurement():
     np.testing.assert_array_equal(got.y_.ravel(), [0, 1, 2, 5, np.nan, 7, 8, 9])
     assert got.model is not None
     assert got.time_column is None  # the table calls the time "t"
+
+
+T = np.arange(20) * 0.1
+MET = np.random.default_rng(0).normal(size=(50, 2))
+
+
+def swing(starts):
+    """Return the position of an oscillator that starts in several states at once."""
+    position, speed = starts[:, :1], starts[:, 1:]
+    return (position * np.cos(T) + speed * np.sin(T))[..., None]
+
+
+def test_what_is_not_told_is_found():
+    y = swing(np.array([[0.5, -0.3]]))[0]
+    y[3:6] = np.nan
+    found = find_initial_state(swing, np.full(2, np.nan), y, MET, np.array([1e-3]))
+    assert found == pytest.approx([0.5, -0.3], abs=1e-4)
+    half = find_initial_state(swing, np.array([0.5, np.nan]), y, MET, np.array([1e-3]))
+    assert half == pytest.approx([0.5, -0.3], abs=1e-4)
+    assert half[0] == 0.5
+
+
+def test_a_start_that_diverges_is_none():
+    def breaking(starts):
+        return np.where(starts[:, :1, None] > 1.0, np.nan, swing(starts))
+
+    y = swing(np.array([[0.9, 0.2]]))[0]
+    found = find_initial_state(breaking, np.full(2, np.nan), y, MET, np.array([1e-3]))
+    assert found == pytest.approx([0.9, 0.2], abs=1e-3)
+
+
+def test_few_runs_are_asked_for_at_once():
+    asked = []
+
+    def counted(starts):
+        asked.append(len(starts))
+        return swing(starts)
+
+    y = swing(np.array([[0.5, -0.3]]))[0]
+    find_initial_state(counted, np.full(2, np.nan), y, MET, np.array([1e-3]))
+    assert asked[0] == 50
+    assert len(asked) < 100

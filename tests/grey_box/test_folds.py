@@ -1,9 +1,14 @@
-"""Ranges of operation are groups of alike samples; the most central one is never hidden."""
+"""Records as one table, and the groups of alike samples that are hidden in it."""
+
+import sys
 
 import numpy as np
 import pytest
 
+from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.grey_box.folds import operating_ranges
+from sklearn_pgnn.grey_box.tables import plain_table
+from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 from sklearn_pgnn.trajectories.record import Record
 
@@ -67,3 +72,12 @@ def test_a_change_is_seen_through_noise():
 def test_too_few_different_samples_are_refused():
     with pytest.raises(ValueError, match=r"more distinct measured samples.*Remedy: lower n_splits"):
         operating_ranges((record(np.ones(50)),), 3)
+
+
+def test_joblib_sees_that_a_table_holds_records():
+    lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    t = np.arange(500) * 0.1
+    table = plain_table(lag, read_records(lag, np.column_stack([t, np.sin(t)]), np.cos(t)))
+    assert sys.getsizeof(table) > 3 * t.nbytes  # time, input and output
+    sizeof = pytest.importorskip("dask.sizeof").sizeof
+    assert sizeof(table) > 1e3  # what joblib sends to a cluster once is larger

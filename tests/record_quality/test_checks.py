@@ -6,10 +6,18 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from servo import SERVO, follow_sines, follow_steps
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import build_problem, with_hold
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.record_quality.refits import _best_lead, find_early_output, is_better
+from sklearn_pgnn.record_quality.sensors import find_dead_sensor, find_outliers
+from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.trajectories import read_records
 
 NOISE = 2e-3
 N_RECORDS = 3
@@ -291,3 +299,101 @@ def test_the_report_and_the_screen_begin_with_the_findings(tmp_path, capsys):
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "  clipping: " in line]
     assert "position stays at its extreme value" in line
     assert "Remedy: choose a wider range" in line
+
+
+def retuned(time_constant, X, y):
+    """Return a problem with a servo's records, and its prior with this time constant, re-tuned."""
+    fixed = {"value": time_constant, "fixed": True}
+    prior = SERVO.replace(parameters={"G": {"value": 1.0, "spread": 0.5}, "T": fixed})
+    problem = build_problem(prior, read_records(prior, X, y), window_length=1.67)
+    return problem, HypothesisFitter(problem).base().fit
+
+
+def test_a_late_servo_leads_no_input_though_a_model_that_is_too_slow_fits_better_so():
+    problem, base = retuned(0.05, *follow_sines())
+    lead, best = _best_lead(problem, base, problem.windows)
+    assert lead >= 2
+    assert is_better(base, best, 1)
+    assert find_early_output(problem, base, base) is None
+
+
+def test_a_servo_as_the_model_says_that_leads_is_told():
+    X, y = follow_steps(SERVO, samples=1000)
+    ahead = y.groupby(X["trajectory"])["w"].shift(-5).ffill()
+    problem, base = retuned(0.005, X, ahead.to_frame())
+    finding = find_early_output(problem, base, base)
+    assert finding.text.startswith("the outputs lead the inputs by 5 samples")
+
+
+def test_a_command_that_is_written_down_one_sample_late_is_told():
+    """Straight in between, it is half a sample late: nearer, but not noise."""
+    X, y = follow_steps(SERVO, samples=1000)
+    X["command"] = X.groupby("trajectory")["command"].shift(1).bfill()
+    problem = with_hold(build_problem(SERVO, read_records(SERVO, X, y)), "foh")
+    base = HypothesisFitter(problem).base().fit
+    finding = find_early_output(problem, base, base)
+    assert finding.text.startswith("the outputs lead the inputs by 1 sample (0.002 s)")
+
+
+CART = PhysicsModel(
+    {"x": "m", "v": "m/s"},
+    {"x": "v", "v": "(F - d*v - c*x)/m"},
+    {"m": 2.0, "d": 0.5, "c": 3.0},
+    {"F": "N"},
+)
+T = np.arange(0, 16, 0.05)
+
+
+def records(dead=(), at_rest=(), value=0.1):
+    """Return X and y of three records: v is dead in some, or the machine at rest, v counted."""
+    rng = np.random.default_rng(0)
+    tables, outputs = [], []
+    for i in range(3):
+        F = np.repeat(rng.uniform(-1, 1, 16), 20) * (i not in at_rest)
+        y = CART.simulate(T, F).y + 1e-3 * rng.normal(size=(T.size, 2))
+        y[:, 1] = value if i in dead else 0.0 if i in at_rest else y[:, 1]
+        tables.append(np.column_stack([T, F]))
+        outputs.append(y)
+    return np.vstack(tables), np.vstack(outputs)
+
+
+def found(X, y):
+    diagnosis = ModelDiagnosis(CART, catalogue=()).fit(X, y)
+    return [each for each in diagnosis.data_quality_ if each.kind == "dead sensor"]
+
+
+def test_a_diagnosis_names_the_dead_sensor_and_its_records():
+    (finding,) = found(*records(dead=(0, 2)))
+    assert finding.where == "v"
+    assert finding.value == 2.0
+    assert finding.text == (
+        "v has one value only throughout record 0 (0.1 m/s) and record 2 (0.1 m/s), where the "
+        "model moves"
+    )
+    assert "look at the sensor and its cable" in finding.remedy
+    assert "(NaN)" in finding.remedy
+
+
+def test_a_machine_at_rest_has_no_dead_sensor():
+    assert found(*records(at_rest=(1,))) == []
+
+
+def test_a_sensor_that_is_dead_everywhere_is_refused_with_its_value():
+    X, y = records(dead=(0, 1, 2))
+    with pytest.raises(RecordError) as caught:
+        ModelDiagnosis(CART).fit(X, y)
+    assert str(caught.value) == (
+        "output 'v': expected a signal that changes, got 0.1 m/s in every sample of every record. "
+        "Remedy: look at the sensor and its cable; record the machine in motion, or leave the "
+        "output out of the model."
+    )
+
+
+def test_dead_records_do_not_hide_the_noise_of_the_others():
+    noisy = np.sin(0.1 * np.arange(300)) + 0.1 * np.random.default_rng(0).normal(size=300)
+    pieces = [noisy, np.zeros(300), np.zeros(300)]
+    signal = Signal("v", "m/s", pieces, [np.arange(300.0)] * 3, ["a", "b", "c"])
+    assert signal.noise == pytest.approx(0.1, rel=0.2)
+    assert find_outliers(signal, signal) is None
+    unseen = Signal("v", "m/s", [noisy, np.full(300, np.nan)], [np.arange(300.0)] * 2, ["a", "b"])
+    assert find_dead_sensor(unseen, unseen) is None

@@ -205,30 +205,20 @@ def test_a_free_run_that_leaves_the_finite_numbers_has_words():
 # -- states that start settled ---------------------------------------------------------------------
 
 
-def own_names():
-    """A user's cart whose own velocity has a name that ends like an actuator's state."""
+def cart(speed="v"):
+    """A user's cart, whose own velocity may have a name that ends like an actuator's state."""
     return PhysicsModel(
-        states={"x": "m", "F_lagged": "m/s"},
+        states={"x": "m", speed: "m/s"},
         inputs={"F": "N"},
         parameters={"m": 1.0, "d": 2.0, "k": 40.0},
-        equations={"x": "F_lagged", "F_lagged": "(F - d*F_lagged - k*x)/m"},
-        inertia={"F_lagged": "m"},
-    )
-
-
-def plain_names():
-    return PhysicsModel(
-        states={"x": "m", "v": "m/s"},
-        inputs={"F": "N"},
-        parameters={"m": 1.0, "d": 2.0, "k": 40.0},
-        equations={"x": "v", "v": "(F - d*v - k*x)/m"},
-        inertia={"v": "m"},
+        equations={"x": speed, speed: f"(F - d*{speed} - k*x)/m"},
+        inertia={speed: "m"},
     )
 
 
 def test_a_state_of_ones_own_is_no_actuators_whatever_its_name():
     table = X.assign(F=F + 3.0)
-    mine, plain = own_names(), plain_names()
+    mine, plain = cart("F_lagged"), cart()
     expected = plain.simulate(T, table["F"]).y
     for simulated in (
         mine.simulate(T, table["F"]).y,
@@ -255,7 +245,7 @@ def test_a_state_of_ones_own_is_no_actuators_whatever_its_name():
     ids=lambda effect: effect.id,
 )
 def test_an_actuators_own_state_starts_settled_and_stays_so_in_files(effect, tmp_path):
-    model = plain_names() + effect
+    model = cart() + effect
     (state,) = model.settled
     assert model.settled[state] == "F"
     model.to_yaml(tmp_path / "model.yaml")
@@ -263,7 +253,7 @@ def test_an_actuators_own_state_starts_settled_and_stays_so_in_files(effect, tmp
     assert read == model
     assert read.simulate(T, F + 3.0).x[0].tolist() == [0.0, 0.0, F[0] + 3.0]
     assert np.array_equal(
-        simulate_records(read, read_records(plain_names(), X.assign(F=F + 3.0))),
+        simulate_records(read, read_records(cart(), X.assign(F=F + 3.0))),
         read.simulate(T, F + 3.0).y,
     )
     assert effect.id not in {
@@ -272,12 +262,12 @@ def test_an_actuators_own_state_starts_settled_and_stays_so_in_files(effect, tmp
 
 
 def test_an_actuators_state_finds_a_name_beside_ones_own():
-    mine = own_names() + effects.ActuatorLag("F", 0.3)
-    plain = plain_names() + effects.ActuatorLag("F", 0.3)
+    mine = cart("F_lagged") + effects.ActuatorLag("F", 0.3)
+    plain = cart() + effects.ActuatorLag("F", 0.3)
     assert tuple(mine.states) == ("x", "F_lagged", "F_lagged_2")
     assert dict(mine.settled) == {"F_lagged_2": "F"}
     assert np.array_equal(mine.simulate(T, F).x, plain.simulate(T, F).x)
-    assert effects.ActuatorLag.targets(own_names()) == ("F",)
+    assert effects.ActuatorLag.targets(cart("F_lagged")) == ("F",)
     assert effects.ActuatorLag.targets(mine) == ()
 
 
@@ -285,7 +275,7 @@ def test_an_actuators_state_finds_a_name_beside_ones_own():
 def test_the_name_of_a_state_changes_neither_verdict_nor_numbers():
     t = np.arange(1500) / 50
     force = 3.0 + 4 * np.sin(1.3 * t) + 3 * np.sin(3.7 * t) + 2 * np.sin(9.1 * t)
-    rig = plain_names() + effects.ActuatorLag("F", 0.15)
+    rig = cart() + effects.ActuatorLag("F", 0.15)
     y = rig.simulate(t, force, substeps=4).y[:, 0]
     y += 1e-3 * np.random.default_rng(0).standard_normal(t.size)
     catalogue = [effects.ActuatorLag, effects.InputGain]
@@ -293,7 +283,7 @@ def test_the_name_of_a_state_changes_neither_verdict_nor_numbers():
         ModelDiagnosis(model.replace(outputs={"y": "x"}), catalogue=catalogue).fit(
             np.c_[t, force], y
         )
-        for model in (own_names(), plain_names())
+        for model in (cart("F_lagged"), cart())
     )
     assert [(c.effect, c.target) for c in plain.causes_] == [("actuator_lag", "F")]
     assert mine.verdict_ == plain.verdict_
@@ -314,7 +304,7 @@ def test_the_name_of_a_state_changes_neither_verdict_nor_numbers():
 )
 def test_what_settles_is_a_state_at_an_input(settled, message):
     with pytest.raises(ModelError) as refused:
-        plain_names().replace(settled=settled)
+        cart().replace(settled=settled)
     assert str(refused.value) == message
 
 

@@ -1,13 +1,17 @@
-"""Windows: how they are cut, thinned and summed."""
+"""Windows: how they are cut, thinned and summed, and what their initial states explain."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from sledge import SLEDGE, drive
 
 from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.simulation import simulate
+from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+from sklearn_pgnn.trajectories import read_records
 
 pytestmark = pytest.mark.core
 
@@ -52,3 +56,21 @@ def test_a_window_goes_through_a_gap_in_steps_as_fine_as_elsewhere():
     # and the gap is bridged as exactly as a record without it
     through = simulate(spring, whole, np.ones((whole.size, 1)), x0, substeps=2)
     np.testing.assert_allclose(run.y[100:], through.y[140:], atol=1e-6)
+
+
+def test_changes_of_samples_that_were_not_measured_do_not_count():
+    X, y = drive(SLEDGE, n_records=1)
+    y = y.copy()
+    y.iloc[1::2] = np.nan
+    problem = build_problem(SLEDGE, read_records(SLEDGE, X, y))
+    windows = problem.windows
+    x0 = problem.states.estimate(SLEDGE).x[windows.starts]
+    theta = np.ones((windows.t.size, 1))
+    table, by_state = linear_responses(SLEDGE, windows, x0, "v", theta)
+    unmeasured = np.isnan(windows.y)
+    other, other_by_state = table.copy(), by_state.copy()
+    other[unmeasured], other_by_state[unmeasured] = 1e3, -1e3
+    left = without_states(windows, table, by_state)
+    np.testing.assert_array_equal(without_states(windows, other, other_by_state), left)
+    assert not left[unmeasured[windows.rows].ravel()].any()
+    assert left.any()
