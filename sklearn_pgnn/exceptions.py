@@ -165,8 +165,6 @@ class SimulationWarning(RuntimeWarning):
 def code_of(kind: type[BaseException]) -> str:
     """Return the code that ``sklearn-pgnn explain`` takes for a class of errors or warnings.
 
-    Examples
-    --------
     >>> code_of(ModelError)
     'model_error'
     """

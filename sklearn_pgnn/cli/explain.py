@@ -38,8 +38,6 @@ def read_codes() -> dict[str, dict[str, dict[str, str]]]:
 def complete_codes(_context: click.Context, _argument: click.Parameter, begun: str) -> list[str]:
     """Return the possible completions of a code.
 
-    Examples
-    --------
     >>> complete_codes(None, None, "cl")
     ['closed_loop', 'clipping', 'clock_jitter']
     """
@@ -75,8 +73,6 @@ def list_of_codes() -> Iterator[str]:
 def page_of(code: str) -> Iterator[str]:
     """Yield the lines of an entry.
 
-    Examples
-    --------
     >>> next(page_of("Dropped samples"))
     'dropped_samples'
     """

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
@@ -20,6 +19,7 @@ from sklearn_pgnn.cli.tables import (
     say,
     screen,
 )
+from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
@@ -38,9 +38,6 @@ from sklearn_pgnn.inspection.words import (
 )
 from sklearn_pgnn.inspection.yardstick import retuning_counts, shown_models
 from sklearn_pgnn.record_quality.finding import Finding
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.diagnosis import ModelDiagnosis
 
 #: colour of a verdict, on a terminal with colours
 COLOURS = {

@@ -14,7 +14,7 @@ from sklearn_pgnn.datasets.rig import settled
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.places import signals_at_ports
-from sklearn_pgnn.physics.typical import typical_value
+from sklearn_pgnn.physics.scales import typical_value
 
 #: length of a window in the slowest state's time of change, its largest fraction of a record, and
 #: the number of windows

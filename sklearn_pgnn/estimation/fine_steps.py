@@ -24,16 +24,12 @@ def fine_steps(fitter: WindowFitter, trial: FittedHypothesis, *, is_told: bool =
     others = [] if steps.are_stable(fast) else [Steps(IMPLICIT, steps.substeps)]
     while others or (not is_told and 2 * steps.substeps <= MAX_SUBSTEPS):
         other = others.pop() if others else Steps(steps.method, 2 * steps.substeps)
-        moved = _in_steps(fitter, other).refit_two_steps(trial)
+        stepped = with_substeps(problem, other.substeps, other.method)
+        moved = HypothesisFitter(stepped, fitter.progress).refit_two_steps(trial)
         if not moved.fit.usable or _moves_little(problem, trial, moved):
             break
         trial, steps = moved, other
     return steps
-
-
-def _in_steps(fitter: WindowFitter, steps: Steps) -> HypothesisFitter:
-    problem = with_substeps(fitter.problem, steps.substeps, steps.method)
-    return HypothesisFitter(problem, fitter.progress)
 
 
 def _moves_little(

@@ -71,6 +71,7 @@ class CrossValidation:
         record = record_of(windows)
         free = self._residuals(over_runs, record)
         free = replace(free, errors=over_runs / windows.scale, segment=record)
+        power = (self.problem.typical_outputs / windows.scale) ** 2  # about the means
         return HeldOut(
             windows=seen,
             free_run=free,
@@ -78,7 +79,7 @@ class CrossValidation:
             block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
             n_added=len(fit.model.states) - len(self.problem.prior.states),
             n_free=n_free_states(fit.model, windows),
-            tells_in_free_run=free.squares < free.counts * self._power(),
+            tells_in_free_run=free.squares < free.counts * power,
             learned=tuple(models),
             x0=x0,
             uncertain=np.where(np.isfinite(windows.y), variance, 0.0).sum(axis=0),
@@ -97,10 +98,6 @@ class CrossValidation:
         with np.errstate(over="ignore"):
             variance /= self.problem.windows.scale**2
         return np.where(np.isfinite(variance), variance, 0.0)
-
-    def _power(self) -> np.ndarray:
-        """Return the power of the outputs about their means, in units of the noise."""
-        return (self.problem.typical_outputs / self.problem.windows.scale) ** 2
 
     def _residuals(self, residual: np.ndarray, segment: np.ndarray) -> Residuals:
         """Return the statistics of residuals, with the accuracy limit of a simulation."""

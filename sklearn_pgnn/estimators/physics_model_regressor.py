@@ -30,7 +30,6 @@ from sklearn_pgnn.simulation.intervals import (
     output_variance,
     quantile_of,
 )
-from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
@@ -39,6 +38,7 @@ from sklearn_pgnn.simulation.record_windows import (
     window_records,
     without_gaps,
 )
+from sklearn_pgnn.simulation.substeps import usual_step
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
     Estimate,

@@ -22,9 +22,9 @@ from sklearn_pgnn.estimators.simulated_predictions import (
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import limits_of, quantities_of
 from sklearn_pgnn.simulation.free_run import steps_for
-from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.simulation.substeps import usual_step, without_long_steps
 from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_contradicted_states,
     warn_of_unknown_starts,

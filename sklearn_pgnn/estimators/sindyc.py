@@ -37,10 +37,9 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.finite_run import limits_of
 from sklearn_pgnn.simulation.free_run import steps_for
-from sklearn_pgnn.simulation.long_steps import without_long_steps
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.simulation.substeps import Steps
+from sklearn_pgnn.simulation.substeps import Steps, without_long_steps
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised

@@ -25,7 +25,7 @@ from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.expressions import parse_expression, standard_form, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.terms import model_terms
+from sklearn_pgnn.simulation.network_run import model_terms
 from sklearn_pgnn.simulation.pointwise import numpy_function
 from sklearn_pgnn.trajectories.triangle import blocks, triangle
 

@@ -18,8 +18,7 @@ from sklearn_pgnn.grey_box.depth import (
     fit_physics,
     states_met,
 )
-from sklearn_pgnn.grey_box.options import NETWORKS, network_or_default
-from sklearn_pgnn.grey_box.remarks import warn_of_training
+from sklearn_pgnn.grey_box.options import NETWORKS, network_or_default, warn_of_training
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for
 from sklearn_pgnn.grey_box.time_limit import TimeLimit
 from sklearn_pgnn.physics.model import PhysicsModel

@@ -32,8 +32,10 @@ from sklearn_pgnn.grey_box.options import (
     diagnosis_or_default,
     network_as_trained,
     network_or_default,
+    warn_if_useless,
+    warn_of_no_finding,
+    warn_of_spreads,
 )
-from sklearn_pgnn.grey_box.remarks import warn_if_useless, warn_of_no_finding, warn_of_spreads
 from sklearn_pgnn.grey_box.tables import PlainTable, plain_table, starts_for, usual_starts
 from sklearn_pgnn.grey_box.time_limit import TimeLimit, said_of
 from sklearn_pgnn.model_selection.search_space import searched_parts

@@ -9,10 +9,10 @@ from sklearn_pgnn.inspection.case import Case, Samples, make_case, window_residu
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.words import place_name
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effects.rates import RateEffect, is_moving
 from sklearn_pgnn.physics.expressions import TIME, expanded, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_units import rate_unit
 from sklearn_pgnn.physics.places import unit_at
 from sklearn_pgnn.physics.port import Port, against, inertia_at
 from sklearn_pgnn.simulation.pointwise import evaluate_samples

@@ -34,11 +34,6 @@ class Characteristic:
     unit : str, default=""
         Unit of `over` if it is not a quantity of the model.
 
-    Raises
-    ------
-    ValueError
-        If `shows` is none of these, or cannot be plotted over `over`.
-
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import CoulombFriction

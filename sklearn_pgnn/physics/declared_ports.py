@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.derived_units import EFFORTS, force_unit
 from sklearn_pgnn.physics.expressions import same_name, symbol
 from sklearn_pgnn.physics.found_ports import found_ports
 from sklearn_pgnn.physics.mass_matrix import BALANCES, coupled, is_stated, rates_of_flow
 from sklearn_pgnn.physics.model_parts import as_expression, as_mapping, as_text, check_keys
-from sklearn_pgnn.physics.model_units import unit_of
+from sklearn_pgnn.physics.model_units import EFFORTS, force_unit, unit_of
 from sklearn_pgnn.physics.parameter import check_name
 from sklearn_pgnn.physics.port import Port, PortName
 from sklearn_pgnn.physics.repeated_rates import repeated_rates, shown_rates

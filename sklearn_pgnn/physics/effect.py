@@ -12,13 +12,12 @@ import sympy
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.derived_units import tidy_unit
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_units import tidy_unit
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.port import PortName
-from sklearn_pgnn.physics.scales import Scales
-from sklearn_pgnn.physics.typical import typical_by_kind, typical_value
+from sklearn_pgnn.physics.scales import Scales, typical_by_kind, typical_value
 from sklearn_pgnn.readings import reading
 
 __all__ = ["Characteristic", "Effect", "Scales", "quantity"]
@@ -56,16 +55,6 @@ def quantity(
         Whether the parameter describes how strongly the effect acts (size), over what or how
         sharply (shape: a period, a time constant, the stiffness of a stop), or where something
         ends, so that a large value does nothing (end: a limit).
-
-    Returns
-    -------
-    dataclasses.Field
-        The field.
-
-    Raises
-    ------
-    ValueError
-        If the role is unknown.
     """
     if role not in ROLES:
         raise ValueError(f"role: expected one of {', '.join(ROLES)}, got {role!r}.")
@@ -338,8 +327,9 @@ class Effect(ABC):
         float
             The value.
         """
-        name, end = cls.size_field(), cls._ends()
-        return cls.limits(target, model, scales)[name][1] if name in end else 0.0
+        name = cls.size_field()
+        ends = [f.name for f in cls.quantities() if f.metadata["role"] == "end"]
+        return cls.limits(target, model, scales)[name][1] if name in ends else 0.0
 
     @classmethod
     def of_size(
@@ -410,11 +400,6 @@ class Effect(ABC):
             Value by kind, as `units` names them.
         """
         return typical_by_kind(target, model, scales)
-
-    @classmethod
-    def _ends(cls) -> frozenset[str]:
-        """Return the fields whose role is ``"end"``."""
-        return frozenset(f.name for f in cls.quantities() if f.metadata["role"] == "end")
 
     @classmethod
     def can_act(cls, target: str, model: PhysicsModel) -> bool:

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy
 
-from sklearn_pgnn.physics.derived_units import EFFORTS, flow_unit, force_unit, rate_unit
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.mass_matrix import coupled, mobility, own_entry
+from sklearn_pgnn.physics.model_units import EFFORTS, flow_unit, force_unit, rate_unit
 from sklearn_pgnn.physics.port import Port
 from sklearn_pgnn.physics.units import is_like, read_unit
 
@@ -129,12 +129,9 @@ def _driven(model: PhysicsModel, column: Mapping[str, sympy.Expr]) -> str:
     known = all(is_velocity(model, s) for s in column)
     if len(column) < 2 or not known or not used & moving or used & inputs:
         return ""
-    forward = [s for s, b in column.items() if always_positive(b, _values(model), moving)]
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    forward = [s for s, b in column.items() if always_positive(b, values, moving)]
     return forward[0] if len(forward) == 1 else ""
-
-
-def _values(model: PhysicsModel) -> dict[sympy.Symbol, float]:
-    return {symbol(name): p.value for name, p in model.parameters.items()}
 
 
 def _is_effort(unit: str, flow: str) -> bool:

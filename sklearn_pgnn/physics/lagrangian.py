@@ -22,8 +22,6 @@ References
 .. [1] H. Goldstein, C. Poole, J. Safko, "Classical Mechanics", 3rd ed., 2002, sections 1.5, 2.7.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 

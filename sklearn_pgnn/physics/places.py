@@ -1,20 +1,15 @@
 """Places of a model where something without a name may act: efforts, rates, inputs and outputs."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy
 
-from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.found_ports import column
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_units import rate_unit
 from sklearn_pgnn.physics.repeated_rates import with_rates
-from sklearn_pgnn.physics.typical import typical_inertia
-
-if TYPE_CHECKING:
-    from sklearn_pgnn.physics.model import PhysicsModel
-    from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.scales import Scales, typical_inertia
 
 
 def is_effort(model: PhysicsModel, place: str) -> bool:

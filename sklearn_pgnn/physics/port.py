@@ -11,7 +11,7 @@ For a mechanism :math:`b = M^{-1} J^\top`, with the mass matrix :math:`M` and :m
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +21,6 @@ from sklearn_pgnn.physics.expressions import symbol, to_text
 from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from sklearn_pgnn.physics.model import PhysicsModel
 
 

@@ -55,8 +55,6 @@ class Finding:
 def finding_of(kind: str, said: str, where: str = "") -> Finding:
     """Return a remark, which has its remedy in its last sentence, as a finding without a size.
 
-    Examples
-    --------
     >>> finding_of("poor fit", "'v' is not followed. Remedy: check the equations.", "v").remedy
     'check the equations'
     """

@@ -12,9 +12,8 @@ import numpy as np
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record, steps_for
-from sklearn_pgnn.simulation.long_steps import substeps_along
 from sklearn_pgnn.simulation.simulate import Simulation, hold_of
-from sklearn_pgnn.simulation.substeps import Steps
+from sklearn_pgnn.simulation.substeps import Steps, substeps_along
 from sklearn_pgnn.trajectories.reader import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.user_line import warn_user

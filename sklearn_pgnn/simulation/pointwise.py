@@ -28,6 +28,10 @@ def numpy_function(names, expression):
     return sympy.lambdify([symbol(n) for n in names], expression, [_FUNCTIONS, "numpy"])
 
 
+#: an expression is written once: SymPy takes long over conditions
+_known_function = lru_cache(maxsize=1024)(numpy_function)
+
+
 def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: int) -> np.ndarray:
     """Evaluate an expression at every sample, not finite where it is not."""
     names = tuple(sorted(map(str, expression.free_symbols)))
@@ -36,12 +40,6 @@ def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: 
     with np.errstate(all="ignore"):
         value = _known_function(names, expression)(*values)
         return np.broadcast_to(np.asarray(value, dtype=float), (size,))
-
-
-@lru_cache(maxsize=1024)
-def _known_function(names, expression):
-    """Write an expression once: SymPy takes long over conditions."""
-    return numpy_function(names, expression)
 
 
 def sample_table(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> dict:

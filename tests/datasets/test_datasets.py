@@ -30,8 +30,8 @@ from sklearn_pgnn.datasets import (
     make_two_tanks,
     servo_valve_plant,
 )
-from sklearn_pgnn.datasets.excitation import EXCITATIONS
 from sklearn_pgnn.datasets.integrator import integrate
+from sklearn_pgnn.datasets.rig import EXCITATIONS
 from sklearn_pgnn.physics import PhysicsModel, effects, systems
 
 

@@ -10,11 +10,11 @@ from sklearn.base import BaseEstimator
 from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.grey_box.depth import (
     FittedDepth,
+    find_initial_state,
     find_unknown_starts,
     fit_network,
     states_met,
 )
-from sklearn_pgnn.grey_box.initial_state import find_initial_state
 from sklearn_pgnn.grey_box.tables import PlainTable
 
 LAG = PhysicsModel({"v": "V"}, {"v": "(u - v)/T"}, {"T": 1.0}, {"u": "V"})

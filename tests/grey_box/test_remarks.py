@@ -8,7 +8,7 @@ import pytest
 
 from sklearn_pgnn import GreyBoxRegressor, ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.exceptions import DiagnosisWarning
-from sklearn_pgnn.grey_box.remarks import warn_of_spreads
+from sklearn_pgnn.grey_box.options import warn_of_spreads
 from sklearn_pgnn.user_line import warn_user
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import UnitWarning
-from sklearn_pgnn.physics.derived_units import force_unit, rate_unit, tidy_unit
 from sklearn_pgnn.physics.effects import CubicStiffness, QuadraticDrag, ViscousFriction
+from sklearn_pgnn.physics.model_units import force_unit, rate_unit, tidy_unit
 from sklearn_pgnn.physics.unit_check import check_units, output_measure
 from sklearn_pgnn.physics.units import conversion, is_like, no_unit, plain_unit, read_unit
 

@@ -6,8 +6,7 @@ from numba import njit
 
 from sklearn_pgnn.simulation import bounded_step as module
 from sklearn_pgnn.simulation.bounded_step import bounded_step
-from sklearn_pgnn.simulation.eigenvalues import diagonalise
-from sklearn_pgnn.simulation.normal_equations import follow, project
+from sklearn_pgnn.simulation.normal_equations import diagonalise, follow, project
 
 pytestmark = pytest.mark.core
 

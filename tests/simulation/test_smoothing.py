@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from sklearn_pgnn import systems
-from sklearn_pgnn.simulation.smoothing import (
+from sklearn_pgnn.simulation.smoothed_output import (
     FEWEST,
     PENALTIES,
     NaturalSpline,

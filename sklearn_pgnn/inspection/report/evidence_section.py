@@ -6,7 +6,6 @@ import numpy as np
 from markupsafe import Markup
 from scipy.stats import norm
 
-from sklearn_pgnn.inspection.absorbed_noise import expected_autocorrelation
 from sklearn_pgnn.inspection.case import Case, Samples, make_case, missing_rate_of
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.display import binned_median, known_points, limits
@@ -21,11 +20,11 @@ from sklearn_pgnn.inspection.evidence import (
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.report.causes import Member
 from sklearn_pgnn.inspection.report.formula import FoundFormula
-from sklearn_pgnn.inspection.run_displays import ResidualDisplay
+from sklearn_pgnn.inspection.run_displays import ResidualDisplay, expected_autocorrelation
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
-from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import symbol, to_text
+from sklearn_pgnn.physics.model_units import rate_unit
 from sklearn_pgnn.physics.places import is_effort
 from sklearn_pgnn.physics.port import inertia_at
 from sklearn_pgnn.physics.shown_states import shown_states

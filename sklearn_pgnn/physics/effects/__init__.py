@@ -5,7 +5,6 @@ from difflib import get_close_matches
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects.curves import InputCurve, InputPower
 from sklearn_pgnn.physics.effects.dependences import (
     InputFading,
     ParameterSaturation,
@@ -28,9 +27,11 @@ from sklearn_pgnn.physics.effects.inputs import (
     AsymmetricDeadZone,
     InputBacklash,
     InputBias,
+    InputCurve,
     InputDeadZone,
     InputDelay,
     InputGain,
+    InputPower,
     InputRateLimit,
     InputSaturation,
 )

@@ -15,8 +15,7 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
 from sklearn_pgnn.physics.found_ports import column
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.scales import Scales
-from sklearn_pgnn.physics.typical import typical_inertia
+from sklearn_pgnn.physics.scales import Scales, typical_inertia
 
 #: share of the inertia behind a joint at which a fit begins
 USUAL = 0.3

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_units import rate_unit
 from sklearn_pgnn.physics.repeated_rates import with_rates
 from sklearn_pgnn.physics.scales import Scales
 

@@ -11,8 +11,7 @@ from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.found_ports import is_velocity
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port
-from sklearn_pgnn.physics.scales import Scales
-from sklearn_pgnn.physics.typical import typical_inertia
+from sklearn_pgnn.physics.scales import Scales, typical_inertia
 
 #: units of a sensor's signal, which do not define what the sensor measures
 SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
