@@ -25,7 +25,6 @@ from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
 from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
-from sklearn_pgnn.inspection.remedies import spread_sentence
 from sklearn_pgnn.inspection.report.parameters import parameter_facts
 from sklearn_pgnn.inspection.result_files import as_strict_json, described_models
 from sklearn_pgnn.inspection.words import (
@@ -33,6 +32,7 @@ from sklearn_pgnn.inspection.words import (
     remaining_sentence,
     rivals_or_none,
     separation_sentence,
+    spread_sentence,
     unusable_sentence,
     verdict_sentence,
 )

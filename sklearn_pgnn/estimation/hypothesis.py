@@ -56,13 +56,9 @@ class Hypothesis:
 
     def before(self, cause: Effect, new: Effect) -> "Hypothesis":
         """Return the hypothesis with one more cause in front of another."""
-        causes, order = (_before(of, cause, new) for of in (self.causes, self.order))
-        return Hypothesis(causes, order)
-
-
-def _before(causes: tuple[Effect, ...], cause: Effect, new: Effect) -> tuple[Effect, ...]:
-    at = causes.index(cause)
-    return (*causes[:at], new, *causes[at:])
+        i, j = self.causes.index(cause), self.order.index(cause)
+        causes = (*self.causes[:i], new, *self.causes[i:])
+        return Hypothesis(causes, (*self.order[:j], new, *self.order[j:]))
 
 
 def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:

@@ -20,8 +20,7 @@ from sklearn_pgnn.estimators.simulated_predictions import (
     predict_records_ahead,
 )
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.finite_run import limits_of, quantities_of
-from sklearn_pgnn.simulation.free_run import steps_for
+from sklearn_pgnn.simulation.finite_run import limits_of, quantities_of, steps_for
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.substeps import usual_step, without_long_steps

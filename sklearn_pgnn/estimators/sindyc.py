@@ -35,8 +35,7 @@ from sklearn_pgnn.estimators.table_names import blank_model, identifiers, is_tim
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
-from sklearn_pgnn.simulation.finite_run import limits_of
-from sklearn_pgnn.simulation.free_run import steps_for
+from sklearn_pgnn.simulation.finite_run import limits_of, steps_for
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.substeps import Steps, without_long_steps

@@ -11,7 +11,7 @@ from sklearn_pgnn.annotations import ArrayLike
 from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.inspection.style import LABELS
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import simulate_record, steps_for
+from sklearn_pgnn.simulation.finite_run import simulate_record, steps_for
 from sklearn_pgnn.simulation.free_starts import fit_starts
 from sklearn_pgnn.simulation.record_windows import WindowedRecords, window_records
 from sklearn_pgnn.simulation.simulate import Simulation

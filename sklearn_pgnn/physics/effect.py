@@ -55,6 +55,11 @@ def quantity(
         Whether the parameter describes how strongly the effect acts (size), over what or how
         sharply (shape: a period, a time constant, the stiffness of a stop), or where something
         ends, so that a large value does nothing (end: a limit).
+
+    Returns
+    -------
+    dataclasses.Field
+        The field.
     """
     if role not in ROLES:
         raise ValueError(f"role: expected one of {', '.join(ROLES)}, got {role!r}.")

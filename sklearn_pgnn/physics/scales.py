@@ -53,6 +53,20 @@ class Scales:
     def ends(self, name: str, below: float = 0.0, above: float = 0.0) -> tuple[float, float]:
         """Return a signal's range, its ends moved inwards by fractions of the range.
 
+        Parameters
+        ----------
+        name : str
+            The signal.
+        below, above : float, default=0
+            Fractions of the range.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper end.
+
+        Examples
+        --------
         >>> scales = Scales({}, {"y": 2.0}, {}, 0.01, 1.0)
         >>> scales.ends("y"), scales.ends("y", below=0.25)
         ((-2.0, 2.0), (-1.0, 2.0))
@@ -63,8 +77,18 @@ class Scales:
     def is_zero(self, name: str) -> bool:
         """Return whether a signal is known to be zero always, as that of an idle drive.
 
-        It is not where its extremes are not known.
+        Parameters
+        ----------
+        name : str
+            The signal.
 
+        Returns
+        -------
+        bool
+            False where its extremes are not known.
+
+        Examples
+        --------
         >>> scales = Scales({}, {}, {}, 0.01, 1.0, extremes={"u": (0.0, 0.0), "y": (0.0, 2.0)})
         >>> scales.is_zero("u"), scales.is_zero("y")
         (True, False)
@@ -72,11 +96,21 @@ class Scales:
         return self.extremes.get(name) == (0.0, 0.0)
 
     def of_either_sign(self, names: Iterable[str]) -> "Scales":
-        """Return the scales, with symmetric ranges, if only the magnitude of signals was measured.
+        """Return the scales if only the magnitude of some signals was measured.
 
-        They may have gone equally far to the other side of zero. States that an effect has added
-        are in no record, and have no range.
+        Parameters
+        ----------
+        names : iterable of str
+            The signals; they may have gone equally far to the other side of zero. States that an
+            effect has added are in no record, and have no range.
 
+        Returns
+        -------
+        Scales
+            The scales, with symmetric ranges for these signals.
+
+        Examples
+        --------
         >>> seen = Scales({}, {"x": 2.0}, {}, 0.01, 1.0, extremes={"x": (0.0, 2.0)})
         >>> seen.of_either_sign(["x"]).ends("x")
         (-2.0, 2.0)

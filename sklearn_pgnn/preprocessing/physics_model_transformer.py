@@ -12,8 +12,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 from sklearn_pgnn.annotations import ArrayLike, Column, Table
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.finite_run import FreeRuns, limits_of, quantities_of
-from sklearn_pgnn.simulation.free_run import steps_for
+from sklearn_pgnn.simulation.finite_run import FreeRuns, limits_of, quantities_of, steps_for
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.substeps import usual_step, without_long_steps
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised

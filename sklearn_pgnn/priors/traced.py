@@ -14,8 +14,7 @@ import sympy
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.expressions import maximum, minimum, symbol
 
 
 def _step(difference):

@@ -9,7 +9,7 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import OptionError, RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.finite_run import simulate_record
 from sklearn_pgnn.simulation.uncertainty import propagated_variance
 from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.user_line import warn_user

@@ -15,9 +15,8 @@ from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.effects import Formula
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.inspection.remedies import known_sentence
 from sklearn_pgnn.inspection.report.finding import next_step
-from sklearn_pgnn.inspection.words import verdict_sentence
+from sklearn_pgnn.inspection.words import known_sentence, verdict_sentence
 from sklearn_pgnn.simulation.hidden_input import HiddenInput
 from sklearn_pgnn.trajectories import read_records
 

@@ -8,9 +8,9 @@ import pytest
 from sklearn_pgnn import PhysicsModel, systems
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.inspection import words
-from sklearn_pgnn.inspection.remedies import spread_remedy, spread_sentence
 from sklearn_pgnn.inspection.report import finding
 from sklearn_pgnn.inspection.report.finding import next_step
+from sklearn_pgnn.inspection.words import spread_remedy, spread_sentence
 from sklearn_pgnn.record_quality.finding import Finding
 
 

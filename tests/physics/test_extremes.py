@@ -6,8 +6,7 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sklearn_pgnn.physics.expressions import parse_expression, symbol, to_text
-from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.expressions import maximum, minimum, parse_expression, symbol, to_text
 
 X, Y = symbol("x"), symbol("y")
 NUMBERS = st.integers(-3, 3)

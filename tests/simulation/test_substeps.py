@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.simulation.fastest import fastest
-from sklearn_pgnn.simulation.free_run import steps_for
+from sklearn_pgnn.simulation.finite_run import steps_for
 from sklearn_pgnn.simulation.linearly_implicit import COUPLING, DIAGONAL, NODES, STAGES, WEIGHTS
 from sklearn_pgnn.simulation.stepping import counts_between
 from sklearn_pgnn.simulation.substeps import EXPLICIT, IMPLICIT, MAX_SUBSTEPS, Steps

@@ -42,7 +42,7 @@ from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.estimators.table_names import plain_model
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import steps_for
+from sklearn_pgnn.simulation.finite_run import steps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.substeps import EXPLICIT, usual_step

@@ -12,8 +12,7 @@ from sklearn_pgnn.estimators.network.physics_loss import Motion
 from sklearn_pgnn.estimators.simulated_predictions import one_simulation_warning
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.finite_run import what_is_wrong
-from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.finite_run import simulate_record, what_is_wrong
 from sklearn_pgnn.simulation.network_run import (
     NetworkRecord,
     NetworkStep,

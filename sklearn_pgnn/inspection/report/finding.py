@@ -5,14 +5,16 @@ from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.cause_names import cause_name, sizes_of
 from sklearn_pgnn.inspection.numbers import number, sized, times, typeset_unit
-from sklearn_pgnn.inspection.remedies import (
+from sklearn_pgnn.inspection.report.parameters import parameter_facts
+from sklearn_pgnn.inspection.words import (
+    UNNAMED,
     known_remedy,
     known_sentence,
+    place_name,
     runaway_remedy,
+    separation_sentence,
     spread_remedy,
 )
-from sklearn_pgnn.inspection.report.parameters import parameter_facts
-from sklearn_pgnn.inspection.words import UNNAMED, place_name, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, over_windows
 from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.physics.model import PhysicsModel

@@ -8,8 +8,7 @@ import sympy
 
 from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
-from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.expressions import maximum, minimum, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 

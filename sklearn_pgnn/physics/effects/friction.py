@@ -16,8 +16,7 @@ from sklearn_pgnn.physics.effects.rates import (
     force_scale,
     may_be_speed,
 )
-from sklearn_pgnn.physics.expressions import expanded, symbol
-from sklearn_pgnn.physics.extremes import bounded
+from sklearn_pgnn.physics.expressions import bounded, expanded, symbol
 from sklearn_pgnn.physics.mass_matrix import balances_of, own_entry
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.port import Port

@@ -11,8 +11,7 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.losses import ABSOLUTE
 from sklearn_pgnn.physics.effects.targets import free_name
-from sklearn_pgnn.physics.expressions import TIME, symbol
-from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+from sklearn_pgnn.physics.expressions import TIME, bounded, maximum, minimum, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 
@@ -350,7 +349,25 @@ class ActuatorEffect(Effect):
 
 
 @dataclass(frozen=True)
-class ActuatorLag(ActuatorEffect):
+class Lag(Effect):
+    """A signal that follows with a first-order lag, as records can show it."""
+
+    time_constant: float = 1.0
+
+    @classmethod
+    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
+        """Start from a few samples to a third of a window."""
+        shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
+        return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))
+
+    @classmethod
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
+        """Stay between what one sample and what two windows can show."""
+        return {"time_constant": (0.5 * scales.sample_time, 2.0 * scales.window)}
+
+
+@dataclass(frozen=True)
+class ActuatorLag(Lag, ActuatorEffect):
     r"""An actuator that follows its command with a first-order lag.
 
     .. math:: T\,\dot u_a = u - u_a
@@ -380,17 +397,6 @@ class ActuatorLag(ActuatorEffect):
     def rate(self, u: sympy.Expr, acting: sympy.Expr, p: Symbols) -> sympy.Expr:
         """Return the rate of the lag."""
         return (u - acting) / p["time_constant"]
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from a few samples to a third of a window."""
-        shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
-        return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))
-
-    @classmethod
-    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Stay between what one sample and what two windows can show."""
-        return {"time_constant": (0.5 * scales.sample_time, 2.0 * scales.window)}
 
 
 @dataclass(frozen=True)

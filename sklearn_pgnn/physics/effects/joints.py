@@ -11,8 +11,7 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.friction import driving_force
 from sklearn_pgnn.physics.effects.rates import PositionEffect
-from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+from sklearn_pgnn.physics.expressions import bounded, maximum, minimum, symbol
 from sklearn_pgnn.physics.found_ports import column
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales, typical_inertia

@@ -7,8 +7,7 @@ import sympy
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
-from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
+from sklearn_pgnn.physics.expressions import bounded, maximum, minimum, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_units import rate_unit
 from sklearn_pgnn.physics.repeated_rates import with_rates

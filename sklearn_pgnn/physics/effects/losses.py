@@ -8,8 +8,7 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
 from sklearn_pgnn.physics.effects.levels import first_order_states
 from sklearn_pgnn.physics.effects.targets import pair, parts
-from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.extremes import maximum
+from sklearn_pgnn.physics.expressions import maximum, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.repeated_rates import with_rates
 from sklearn_pgnn.physics.scales import Scales

@@ -8,10 +8,9 @@ import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, Symbols, quantity
-from sklearn_pgnn.physics.effects.inputs import Delay
+from sklearn_pgnn.physics.effects.inputs import Delay, Lag
 from sklearn_pgnn.physics.effects.targets import free_name
-from sklearn_pgnn.physics.expressions import TIME, symbol
-from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.expressions import TIME, maximum, minimum, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.repeated_rates import with_output
 from sklearn_pgnn.physics.scales import Scales
@@ -294,7 +293,7 @@ class SensorRectification(OutputEffect):
 
 
 @dataclass(frozen=True)
-class SensorLag(Effect):
+class SensorLag(Lag):
     r"""A sensor that follows what it measures with a first-order lag.
 
     .. math:: T\,\dot y_s = y - y_s
@@ -340,17 +339,6 @@ class SensorLag(Effect):
             "states": {**model.states, lagged: model.unit(self.target)},
             **_begun(model, true, lagged),
         }
-
-    @classmethod
-    def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple[Effect, ...]:
-        """Start from a few samples to a third of a window."""
-        shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
-        return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))
-
-    @classmethod
-    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Stay between what one sample and what two windows can show."""
-        return {"time_constant": (0.5 * scales.sample_time, 2.0 * scales.window)}
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
         """Return the output over the time."""
