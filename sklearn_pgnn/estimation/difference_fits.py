@@ -49,7 +49,8 @@ class DifferenceFits:
             return best
         near = [g for g in groups if g.records == first.records and g.since is not None]
         later, squares = self.settled(_best_of_each(near)), self.fit.squares
-        otherwise = [g for g in near if g.what == later.what and g.is_sudden != later.is_sudden]
+        grows = later.until is not None
+        otherwise = [g for g in near if g.what == later.what and (g.until is None) == grows]
         later = self.settled([later, *_best_of_each(otherwise)])
         dispersion = max(later.left * squares / self.problem.n_samples, 1.0)
         price = 2.0 * np.log(len(self._times(first))) * dispersion

@@ -47,11 +47,6 @@ class Group(NamedTuple):
         """The kind of difference, and in which quantity."""
         return self.kind, self.quantity
 
-    @property
-    def is_sudden(self) -> bool:
-        """Whether the difference is whole from its onset on."""
-        return self.until is None
-
 
 class Marked(NamedTuple):
     """A model and its records with a column that marks a group, and what may differ there."""

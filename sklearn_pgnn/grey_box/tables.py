@@ -41,7 +41,9 @@ class PlainTable:
 def plain_table(model: PhysicsModel, records) -> PlainTable:
     """Concatenate records, also those without outputs."""
     frames = [
-        pd.DataFrame({"trajectory": i, "t": record.t, **_inputs(model, record)})
+        pd.DataFrame(
+            {"trajectory": i, "t": record.t, **dict(zip(model.inputs, record.u.T, strict=True))}
+        )
         for i, record in enumerate(records)
     ]
     unknown = [np.full((record.t.size, len(model.outputs)), np.nan) for record in records]
@@ -66,7 +68,3 @@ def usual(model: PhysicsModel, starts: np.ndarray) -> np.ndarray:
     """Return initial states, NaN ones as the model says; those that it settles stay NaN."""
     said = [np.nan if k in model.settled else v for k, v in model.initial_state.items()]
     return np.where(np.isfinite(starts), starts, said)
-
-
-def _inputs(model, record) -> dict[str, np.ndarray]:
-    return dict(zip(model.inputs, record.u.T, strict=True))

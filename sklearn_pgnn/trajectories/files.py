@@ -292,7 +292,7 @@ def _load_nested(
     vectors = {name: values for name, values in found.items() if values.ndim == 1}
     vectors = {**_matrix_columns(found), **vectors}
     if not vectors:
-        remedy = f" {_AS_STRUCT}" if content is _mat_content else ""
+        remedy = f" {_AS_STRUCT}" if "MAT" in kind else ""
         raise RecordError(f"{path}: expected vectors of samples, got none.{remedy}")
     wanted = [TIME, TRAJECTORY, *model.inputs, *model.states, *(model.outputs or ())]
     called = [model.columns.get(name, name) for name in wanted]
@@ -319,15 +319,12 @@ def _matrix_columns(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     }
 
 
-def _mat_content(path: str) -> Mapping:
+def _nested_content(path: str) -> Mapping:
+    """Return the content of a MAT file, or of any HDF5 file."""
     from scipy.io import loadmat
 
     if not _is_hdf5(path):
         return loadmat(path, simplify_cells=True)
-    return _hdf5_file(path)
-
-
-def _hdf5_file(path: str) -> Mapping:
     with needed_by("Reading an HDF5 file, or a MAT file of version 7.3,"):
         import h5py
     with h5py.File(path, "r") as file:
@@ -387,9 +384,9 @@ _LOGS: dict[str, tuple[str, type[ChannelLog]]] = {
 }
 #: by file extension: name of the format, its reader, and the number of the first sample
 _KINDS: dict[str, tuple[str, Callable[..., pd.DataFrame], int]] = {
-    ".h5": ("HDF5", partial(_load_nested, "an HDF5 file", _hdf5_file), 0),
-    ".hdf5": ("HDF5", partial(_load_nested, "an HDF5 file", _hdf5_file), 0),
-    ".mat": ("MAT", partial(_load_nested, "a MAT file", _mat_content), 1),
+    ".h5": ("HDF5", partial(_load_nested, "an HDF5 file", _nested_content), 0),
+    ".hdf5": ("HDF5", partial(_load_nested, "an HDF5 file", _nested_content), 0),
+    ".mat": ("MAT", partial(_load_nested, "a MAT file", _nested_content), 1),
     ".parquet": ("Parquet", _load_parquet, 0),
     ".pq": ("Parquet", _load_parquet, 0),
     ".tdms": ("TDMS", partial(_load_nested, "a TDMS file", _tdms_content), 0),

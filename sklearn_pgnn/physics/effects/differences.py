@@ -243,19 +243,23 @@ class ParameterDifference(Difference):
         return {"difference": (low - known.value, high - known.value)}
 
 
+class SensorDifference(Difference):
+    """A sensor that is another in some records."""
+
+    @classmethod
+    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
+        """Return the outputs."""
+        return tuple(model.outputs)
+
+
 @dataclass(frozen=True)
-class SensorBiasDifference(Difference):
+class SensorBiasDifference(SensorDifference):
     r"""A sensor with an offset in some records, :math:`y + b\, g`."""
 
     bias: float = quantity("diffb", "{target}")
     id = "sensor_bias_difference"
     phrase = "zero of {target}"
     summary = "The sensor has another zero there."
-
-    @classmethod
-    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the outputs."""
-        return tuple(model.outputs)
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Add the offset to the output."""
@@ -265,18 +269,13 @@ class SensorBiasDifference(Difference):
 
 
 @dataclass(frozen=True)
-class SensorGainDifference(Difference):
+class SensorGainDifference(SensorDifference):
     r"""A sensor with another gain in some records, :math:`y\,(1 + e\, g)`."""
 
     error: float = quantity("diffg", "", low=-1.0)
     id = "sensor_gain_difference"
     phrase = "gain of {target}"
     summary = "The sensor has another gain there."
-
-    @classmethod
-    def quantities_of(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Return the outputs."""
-        return tuple(model.outputs)
 
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
         """Multiply the output by its gain."""
