@@ -41,9 +41,7 @@ class PlainTable:
 def plain_table(model: PhysicsModel, records) -> PlainTable:
     """Concatenate records, also those without outputs."""
     frames = [
-        pd.DataFrame(
-            {"trajectory": i, "t": record.t, **dict(zip(model.inputs, record.u.T, strict=True))}
-        )
+        pd.DataFrame(record.u, columns=list(model.inputs)).assign(trajectory=i, t=record.t)
         for i, record in enumerate(records)
     ]
     unknown = [np.full((record.t.size, len(model.outputs)), np.nan) for record in records]

@@ -26,6 +26,8 @@ from sklearn_pgnn.trajectories.shown import LISTED, cut
 
 #: possible offsets of the signature in MAT files of version 7.3, and the signature
 _HDF5, _STARTS = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048)
+#: longest vector in a cell whose elements are columns
+VECTOR = 100
 #: MATLAB tables are opaque objects, which no library reads
 _AS_STRUCT = (
     "Remedy: in MATLAB, s = table2struct(data, 'ToScalar', true) of a table, or vectors of a "
@@ -276,7 +278,7 @@ def _with_lists_apart(frame: pd.DataFrame) -> pd.DataFrame:
     parts = []
     for name, column in frame.items():
         sizes = {len(cell) for cell in column if isinstance(cell, np.ndarray | list)}
-        if len(sizes) != 1 or column.isna().any():
+        if len(sizes) != 1 or max(sizes) > VECTOR or column.isna().any():
             parts.append(column)
             continue
         numbers = pd.DataFrame(np.stack(column.tolist()), index=frame.index)
