@@ -16,6 +16,7 @@ from sklearn_pgnn.diagnosis.unexplained import Proposal
 from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.difference_fits import ONSETS
 from sklearn_pgnn.estimation.fine_steps import fine_steps
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -42,6 +43,9 @@ from sklearn_pgnn.simulation.record_windows import enough_substeps, speed_in_win
 from sklearn_pgnn.simulation.substeps import Steps, given_steps
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories.record import Record
+
+#: share of the squares that explains most of them
+MOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -328,28 +332,34 @@ class Investigation:
         return replace(found, search=search, result=result, structure=structure)
 
     def _at_once(self, fitter: HypothesisFitter) -> Findings | None:
-        """Search with what differs between records if that alone leaves about noise, and is all."""
+        """Search at first with what differs between records, if with it only noise is left.
+
+        That is tried of whole records that explain most, and of what alone leaves about noise.
+        """
         base = fitter.base()
         left, much = fitter.held_out(base).windows.squares, MUCH**2 * fitter.white_squares(base)
         if not self.compares_records or (left <= much).all():
             return None
         group = find_group(fitter.problem, base.fit, self.progress.tick)
-        if group is None or (group.left * left > much).any():
+        if group is None:
             return None
-        if ((group.left + group.share) * left <= much).all():
-            return None  # another value everywhere does as well
+        is_most = group.since is None and group.share >= MOST
+        usual = (group.left + group.share) * left  # with another value everywhere
+        if not is_most and ((group.left * left > much).any() or (usual <= much).all()):
+            return None
         self.progress.begin("differences between records")
-        wider = self._beside(group, fitter.problem)
-        try:
-            found = wider._search(wider._fitter(fitter.problem.windows.hold))
-        except KeyboardInterrupt:
-            vars(self).update(vars(wider))  # what it holds is the best so far
-            raise
-        is_all = not found.search.compare.leaves_what_may_depend(found.result.final)
-        if not (self._lacks(wider, found) and (is_all or self.progress.ended)):
-            return None
-        vars(self).update(vars(wider))
-        return found
+        for each in self._or_whole(group):
+            wider = self._beside(each, fitter.problem)
+            try:
+                found = wider._search(wider._fitter(fitter.problem.windows.hold))
+            except KeyboardInterrupt:
+                vars(self).update(vars(wider))  # what it holds is the best so far
+                raise
+            is_all = not found.search.compare.leaves_what_may_depend(found.result.final)
+            if self._lacks(wider, found) and (is_all or self.progress.ended):
+                vars(self).update(vars(wider))
+                return found
+        return None
 
     def _try_differences(self, found: Findings) -> None:
         """Search again with what may differ between records, where that explains what is left.
@@ -365,16 +375,25 @@ class Investigation:
         is_clear = has_structure or compare.leaves_much(best)
         self.progress.begin("differences between records")
         problem = found.search.fitter.problem
-        for group in _groups_that_differ(found):
-            wider = self._beside(group, problem)
+        of_groups = [(g, each) for g in _groups_that_differ(found) for each in self._or_whole(g)]
+        for group, each in of_groups:
+            wider = self._beside(each, problem)
             if wider.groups.keys() == self.groups.keys():
                 continue  # what differs there was tried
             again = wider._search(wider._fitter(problem.windows.hold))
             is_all = not again.search.compare.leaves_what_may_depend(again.result.final)
             is_named = again.result.complete and self._lacks(wider, again)
-            if is_named and (is_clear or is_all):
+            if is_named and (is_all or (is_clear and each is group)):
                 vars(self).update(vars(wider), searched=again)
                 return self._try_differences(again)
+
+    def _or_whole(self, group: Group) -> list[Group]:
+        """Return a group, after its whole records if it begins so early that these may differ."""
+        of = [self.records[r].t for r in group.records]
+        if group.since is None or len(of) == len(self.records):
+            return [group]
+        is_early = all(group.since - t[0] < (t[-1] - t[0]) / ONSETS for t in of)
+        return [group._replace(since=None, until=None), group] if is_early else [group]
 
     def _lacks(self, wider: "Investigation", found: Findings) -> bool:
         """Return whether something is named that only a wider investigation considers."""

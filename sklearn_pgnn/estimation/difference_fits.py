@@ -19,8 +19,10 @@ from sklearn_pgnn.simulation.window_fit import EachStep, ParameterPrior, WindowF
 ALL = f"{IN}all_records"
 #: and one that is one in a group
 MARKED = f"{IN}marked"
-#: onsets that are compared at a time
-ONSETS = 12
+#: onsets that are compared at a time, and differences of each set of records
+ONSETS, EACH = 12, 2
+#: steps of a fit, which goes far from where it begins
+FAR = 3 * STEPS
 #: the shares of the squares that a group explains, and that are left
 SHARE, LEFT = attrgetter("share"), attrgetter("left")
 
@@ -37,13 +39,16 @@ class DifferenceFits:
     def best(self, groups: list[Group]) -> Group | None:
         r"""Return the group that leaves least, of those that explain most by a linear model.
 
-        They are in its order; one difference of each set of records, and the onsets of the first,
-        sudden or gradual. One of :math:`n` onsets costs :math:`2 \log n` squares.
+        They are in its order; the best differences of each set of records, and the onsets of the
+        first, sudden or gradual. One of :math:`n` onsets costs :math:`2 \log n` squares.
         """
-        of_records = {g.records: g for g in reversed(groups) if g.since is None}  # the last is best
-        usual = sorted(of_records.values(), key=SHARE, reverse=True)[:KEPT]
+        of_records: dict[tuple[int, ...], list[Group]] = {}
+        for group in groups:
+            if group.since is None:
+                of_records.setdefault(group.records, []).append(group)
+        usual = [group for of in list(of_records.values())[:KEPT] for group in of[:EACH]]
         best = min(map(self.tried, usual), key=LEFT, default=None)
-        best = best and self._or_all_others(best)
+        best = best and self._or_other_half(best)
         first = next((group for group in groups if group.since is not None), None)
         if first is None:
             return best
@@ -57,10 +62,9 @@ class DifferenceFits:
         is_dear = best is not None and (best.left - later.left) * squares < price
         return best if is_dear else later
 
-    def _or_all_others(self, group: Group) -> Group:
-        """Return the group, or all others if it is these that differ from what is given."""
-        is_fitted = any(free.name == group.quantity for free in self.fit.freedoms)
-        if is_fitted or len(group.records) == self.n_records:
+    def _or_other_half(self, group: Group) -> Group:
+        """Return a group of half the records, or the other half if that differs from the usual."""
+        if 2 * len(group.records) != self.n_records:
             return group
         rest = tuple(r for r in range(self.n_records) if r not in group.records)
         others = group._replace(records=rest)
@@ -128,7 +132,7 @@ class DifferenceFits:
                 (*self.fit.freedoms, *own),
                 *self.problem.states.expected_starts(self.fit.model, windows),
                 x0_start=self.fit.x0,
-                max_steps=STEPS,
+                max_steps=FAR,
                 each_step=self.each_step,
             )
             if again.usable:

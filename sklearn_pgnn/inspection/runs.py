@@ -130,7 +130,7 @@ def _of_fit(diagnosis) -> Runs:
     windows, cuts = records.windows, records.windows.bounds[1:-1]
     curves = {LABELS[w]: tuple(run.y for run in free_runs(records, w)) for w in records.fits}
     return Runs(
-        diagnosis.model,
+        records.problem.prior,  # with the marks of groups
         records.names,
         tuple(np.split(windows.t, cuts)),
         tuple(np.split(windows.u, cuts)),
