@@ -121,8 +121,11 @@ class Job:
             progress("writing the report")
             failed = write_results(folder, diagnosis, provenance)
             write_robot(described_in(self.model), diagnosis, folder)
-            if self.runs is not None and hasattr(diagnosis, "records_"):
-                write_runs(simulated_records(diagnosis), folder, self.runs)
+            try:
+                if self.runs is not None and hasattr(diagnosis, "records_"):
+                    write_runs(simulated_records(diagnosis), folder, self.runs)
+            except Exception as unwritten:  # the result is not lost with a file beside it
+                failed = failed or unwritten
             kept = sorted(file.name for file in folder.iterdir())
         remove_files(Path(self.output), {*rivals} - {*kept})
         if (error := broken or failed) is not None:

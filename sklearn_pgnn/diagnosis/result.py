@@ -21,7 +21,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.squares_left import block_squares
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects.differences import onset_of
+from sklearn_pgnn.physics.effects.differences import parsed
 from sklearn_pgnn.physics.effects.rates import worded_for
 from sklearn_pgnn.physics.effects.targets import parts
 from sklearn_pgnn.readings import reading
@@ -264,7 +264,7 @@ def _named(
 
 def _onset(fitter: HypothesisFitter, trial: FittedHypothesis, cause: Effect) -> Estimate | None:
     """Return the time from which on a cause acts, if that is within a record."""
-    since = onset_of(cause)
+    since = parsed(parts(cause.target)[1])[1]
     if since is None or not trial.fit.usable:
         return None
     low, high = -math.inf, math.inf

@@ -27,6 +27,8 @@ def effect_named(named: Named, catalogue: Sequence[type[Effect]]) -> Effect:
     >>> effect_named(("input_bias", "F"), (InputBias,)) == InputBias("F")
     True
     """
+    if isinstance(named, str):
+        raise ValueError(f"cause: expected an effect and its target, as ({named!r}, 'v'), got one.")
     effect, target = (named.effect, named.target) if hasattr(named, "effect") else named[:2]
     for kind in (*catalogue, *WIRINGS, *DIFFERENCES):
         if effect in (kind, kind.id):

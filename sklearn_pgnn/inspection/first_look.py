@@ -9,6 +9,7 @@ import numpy as np
 from sklearn_pgnn.exceptions import SimulationWarning, code_of
 from sklearn_pgnn.inspection.numbers import measured, number
 from sklearn_pgnn.inspection.runs import fit_percentage, run_from_starts
+from sklearn_pgnn.physics.effects.differences import IN
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.checks import find_repeats
 from sklearn_pgnn.record_quality.finding import Finding, finding_of
@@ -199,7 +200,7 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
 def _constant(quantities) -> Iterator[Finding]:
     kinds = {"input": "poor excitation", "output": "dead sensor"}
     for q in quantities:
-        if q.low == q.high:
+        if q.low == q.high and not q.name.startswith(IN):
             yield Finding(
                 kinds[q.role],
                 q.name,

@@ -297,7 +297,7 @@ class _Translator:
         if type(node.op) in _CHAINS:
             return self.chain(node, depth)
         if not isinstance(node.op, ast.Pow):
-            self.refuse(node, _about_operator(node.op))
+            self.refuse(node.right, _about_operator(node.op))
         base, exponent = self.translate(node.left, depth), self.translate(node.right, depth)
         self.check_power(node, base, exponent)
         return base**exponent

@@ -19,6 +19,7 @@ import pandas as pd
 
 from sklearn_pgnn.annotations import ArrayLike, Column, Table
 from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.effects.differences import is_mark, values_of
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.record import MIN_SAMPLES, Record
 from sklearn_pgnn.trajectories.tables import (
@@ -167,9 +168,11 @@ def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column: Column | None
             found[name] = once(X, called, "X: column")
         elif name == TIME or name in model.inputs:
             what = f"time {told or TIME!r}" if name == TIME else f"input {name!r}"
+            remedy = "name the column in the model's 'columns'"
+            if is_mark(model, name):
+                remedy = f"add the column, {values_of(name)}"
             raise RecordError(
-                f"X: {what} is missing; the columns are {', '.join(X.columns)}. "
-                f"Remedy: name the column in the model's 'columns'."
+                f"X: {what} is missing; the columns are {', '.join(X.columns)}. Remedy: {remedy}."
             )
     return pd.DataFrame(found, index=X.index, copy=False)  # which is only read
 

@@ -14,6 +14,7 @@ from sklearn_pgnn.diagnosis import result
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.estimation.record_groups import Group, mark
 from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.inspection import simulated_records
 from sklearn_pgnn.physics.effects.differences import ParameterDifference, mark_at, where_of
 from sklearn_pgnn.trajectories import read_records
 
@@ -136,6 +137,8 @@ def test_another_zero_of_a_sensor_is_found():
     diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES).fit(X, y)
     assert named(diagnosis) == [("sensor_bias_difference", "x_m(in_run_2__run_3)")]
     assert diagnosis.causes_[0].parameters["bias"].value == pytest.approx(0.004, rel=0.1)
+    marked = simulated_records(diagnosis).groupby("trajectory")["in_run_2__run_3"].mean()
+    assert marked[marked > 0.0].to_dict() == {"run_2": 1.0, "run_3": 1.0}
 
 
 @pytest.mark.slow

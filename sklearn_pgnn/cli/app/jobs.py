@@ -20,7 +20,7 @@ from sklearn_pgnn.cli.screen import described_files
 from sklearn_pgnn.cli.template import commented
 from sklearn_pgnn.datasets import make_cart
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import ModelError, ModelWarning
+from sklearn_pgnn.exceptions import ModelError, ModelWarning, RecordWarning
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.first_look import FirstLook, SeenRecord, first_look, told_table
 from sklearn_pgnn.inspection.numbers import fit_text, number, typeset_unit
@@ -47,14 +47,14 @@ FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
 _HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
 
 
-def draw_look(model: PhysicsModel, X: Table, y: Table) -> str:
+def draw_look(model: PhysicsModel, X: Table, y: Table, warned: Sequence[str] = ()) -> str:
     """Return how the model as given follows the records: warnings, a table, and every record."""
     seen, told = first_look(model, X, y), identifiability(model, X, y)
     records = read_records(model, X, y)
     runs = run_records(model, records)
     return render(
         "look.html.j2",
-        warnings=seen.warnings,
+        warnings=[*warned, *seen.warnings],
         fits=[
             {
                 "name": o.output,
@@ -180,9 +180,12 @@ def look(
 ) -> dict:
     """Plot the records together with the model as given."""
     progress("reading the records")
-    model, X, y = _read(files, mapping)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", RecordWarning)
+        model, X, y = _read(files, mapping)
+    warned = [str(each.message) for each in told if issubclass(each.category, RecordWarning)]
     progress("simulating the model as given, and fitting it")
-    LOOK.write_text(draw_look(model, X, y), encoding="utf-8")
+    LOOK.write_text(draw_look(model, X, y, warned), encoding="utf-8")
     return {}
 
 

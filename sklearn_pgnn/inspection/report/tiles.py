@@ -18,6 +18,7 @@ from sklearn_pgnn.inspection.yardstick import (
     shown_models,
     told_error,
 )
+from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
 from sklearn_pgnn.record_quality.finding import listed
 
 #: the colours of a tile, the best first, and what they mean to those who see none
@@ -90,6 +91,9 @@ def _sure(diagnosis) -> Tile:
             text += f", which these records cannot distinguish from {rivals(cause)}"
         elif nearest := _runner_up(diagnosis):
             text += f"; {nearest}"
+        is_whole = len(read_catalogue(diagnosis.catalogue)) >= len(CATALOGUE)
+        if diagnosis.targets is not None or not is_whole:
+            text += f"; of {len(diagnosis.candidates_)} candidates that were asked for"
         sure = cause.probability >= SURE and not cause.is_open and diagnosis.complete_
         return Tile("good" if sure else "look", about, chance(cause.probability), text)
     if diagnosis.verdict_ == "unexplained":

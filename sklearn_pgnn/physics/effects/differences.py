@@ -140,11 +140,6 @@ def is_mark(model: PhysicsModel, name: str) -> bool:
     return name.startswith(IN) and model.inputs.get(name, "s") in ("", "1")
 
 
-def onset_of(effect: Effect) -> float | None:
-    """Return the time in a record from which on an effect acts [s], if it begins within one."""
-    return parsed(parts(effect.target)[1])[1]
-
-
 @dataclass(frozen=True)
 class Difference(Effect):
     """A quantity that is another where a column, an input, is one: in some records, or later on.
