@@ -209,13 +209,14 @@ def main():
     """Diagnose and count."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--development", action="store_true")
+    parser.add_argument("--root", type=int, default=FROZEN, help="of the seeds of the cases")
     parser.add_argument("--only", nargs="+", choices=COUNTS, default=list(COUNTS))
     parser.add_argument("--count", type=int)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--results", type=Path, default=Path("between_records.jsonl"))
     said = parser.parse_args()
     cases = [
-        c for c in all_cases(DEVELOPMENT if said.development else FROZEN) if c.kind in said.only
+        c for c in all_cases(DEVELOPMENT if said.development else said.root) if c.kind in said.only
     ]
     random.Random(0).shuffle(cases)
     cases = cases[: said.count]
