@@ -146,6 +146,10 @@ def in_words(model: "PhysicsModel") -> str:
     said = [f"{name} is {_article(kind)}" for name, kind in model.channels.items()]
     open_ = [name for name in (*model.inputs, *model.outputs) if name not in model.channels]
     every = f"of {', '.join(open_)} nothing is known, and every fault is considered"
+    usual = {name: kind for name in open_ if (kind := usual_kind(model, name))}
+    if usual:
+        told = ", ".join(f"{name}: {kind}" for name, kind in usual.items())
+        every += f"; if it is so, channels: {{{told}}} in the model file saves time and wrong names"
     return "; ".join(filter(None, [", ".join(said), every if open_ else ""]))
 
 

@@ -66,13 +66,15 @@ class Wiring(Effect):
 
     def lines(self, model: PhysicsModel) -> str:
         """Return what to write into the model file."""
-        changed = self.apply(model)
+        changed, said = self.apply(model), dict[str, list[str]]()
         for part in ("outputs", "equations"):
-            now, before = getattr(changed, part), getattr(model, part)
-            said = [f'{key}: "{to_text(e)}"' for key, e in now.items() if e != before[key]]
-            if said:
-                return f"{part}: {{{', '.join(said)}}}"
-        return ""
+            before = getattr(model, part)
+            for key, new in getattr(changed, part).items() if not said else ():
+                if new != before[key]:
+                    flows = part == "equations" and key in model.flows
+                    line = f'{key}: "{to_text(new * model.capacity[key] if flows else new)}"'
+                    said.setdefault("flows" if flows else part, []).append(line)
+        return " and ".join(f"{part}: {{{', '.join(lines)}}}" for part, lines in said.items())
 
 
 #: by channel, the channel that takes its place and the factor
