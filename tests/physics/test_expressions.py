@@ -210,7 +210,7 @@ def test_the_standard_form_is_over_the_real_symbols_of_the_model():
         ("x // v", "operator '//' is not allowed; use + - * / **"),
         ("x % v", "operator '%' is not allowed; use + - * / **"),
         ("x @ v", "operator '@' is not allowed"),
-        ("x ^ 2", "'^' is no operator here; use ** for a power, as in x**2 (column 1)"),
+        ("x ^ 2", "'^' is no operator here; use ** for a power, as in x**2 (column 5)"),
         ("x << 2", "operator '<<' is not allowed"),
         ("'x'", "\"'x'\" is not a number"),
         ("True", "'True' is not a number"),
