@@ -19,6 +19,7 @@ from sklearn_pgnn.cli.options import (
     LIST_EFFECTS,
     PROGRAM,
     RECORDS,
+    RUN_KINDS,
     SHELLS,
     SHOW,
     TALK,
@@ -63,7 +64,7 @@ def main() -> None:
 @with_options(*RECORDS, output_option("DIR", "Folder for the results."), FORCE, *SHOW)
 @click.option(
     "--runs",
-    type=click.Choice(("csv", "parquet", "mcap")),
+    type=click.Choice(RUN_KINDS),
     help="Also write measured and simulated outputs, and the residual, over one time, to "
     "DIR/runs.csv or such, with a layout for PlotJuggler, runs.xml.",
 )

@@ -16,6 +16,7 @@ from click.core import ParameterSource
 from sklearn_pgnn.annotations import Table
 from sklearn_pgnn.cli.guard import Bug, one_line
 from sklearn_pgnn.cli.inputs import read_model, read_search, told_warnings
+from sklearn_pgnn.cli.options import RUN_KINDS
 from sklearn_pgnn.cli.output import (
     check_free,
     remove_files,
@@ -30,7 +31,7 @@ from sklearn_pgnn.export import to_mjcf, to_urdf
 from sklearn_pgnn.inspection.case import model_with_all
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.inspection.result_files import EXTENDED, RIVALS, model_files
-from sklearn_pgnn.inspection.run_files import KINDS, RUNS, check_kind, simulated_records, write_runs
+from sklearn_pgnn.inspection.run_files import RUNS, check_kind, simulated_records, write_runs
 from sklearn_pgnn.priors.robot_section import described_in
 from sklearn_pgnn.trajectories.files import read_files
 
@@ -43,7 +44,7 @@ NAMES = (
     EXTENDED,
     *(f"{ROBOT}{ending}" for ending in ROBOTS),
     "report.html",
-    *(f"{RUNS}.{ending}" for ending in (*KINDS, "xml")),
+    *(f"{RUNS}.{ending}" for ending in (*RUN_KINDS, "xml")),
 )
 #: what is in the files of runs
 WHAT = "measured and simulated outputs, and the residual, over time"

@@ -111,6 +111,8 @@ SHOW = (
     JSON,
     click.option("--open", "opens", is_flag=True, help="Open the report when it is written."),
 )
+#: kinds of files for records with their simulations
+RUN_KINDS = ("csv", "parquet", "mcap")
 DATA = click.argument("data", nargs=-1, required=True, metavar="DATA [DATA ...]", type=FILE)
 SAMPLE_TIME = click.option(
     "--sample-time",

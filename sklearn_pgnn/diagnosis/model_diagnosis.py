@@ -661,8 +661,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         check_is_fitted(self)
         several = DIFFERENCES if len(self.records_.names) > 1 else ()
-        known = (*read_catalogue(self.catalogue), *several)
-        catalogue = known if effects is None else read_catalogue(effects)
+        catalogue = read_catalogue(self.catalogue if effects is None else effects)
+        catalogue = (*catalogue, *several) if effects is None else catalogue
         check_targets(self.model, targets, catalogue)
         check_detectability(power, noise)
         seed, white = _seed(random_state), noise == "white"

@@ -7,7 +7,8 @@ import numpy as np
 import sympy
 
 from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
-from sklearn_pgnn.estimation.same_in_equations import is_of_other_order, only_delayed, values_at
+from sklearn_pgnn.estimation.point_values import values_at
+from sklearn_pgnn.estimation.same_in_equations import is_of_other_order, only_delayed
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol

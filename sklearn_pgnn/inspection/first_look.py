@@ -9,7 +9,7 @@ import numpy as np
 from sklearn_pgnn.exceptions import SimulationWarning, code_of
 from sklearn_pgnn.inspection.numbers import measured, number
 from sklearn_pgnn.inspection.runs import fit_percentage, run_from_starts
-from sklearn_pgnn.physics.effects.differences import IN
+from sklearn_pgnn.physics.effects.differences import is_mark
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.checks import find_repeats
 from sklearn_pgnn.record_quality.finding import Finding, finding_of
@@ -143,7 +143,7 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
     quantities = _quantities(model, windows.u, windows.y)
     outputs = _fits(model, windows, np.concatenate([run.y for run in runs]))
     findings = (
-        *_constant(quantities),
+        *_constant(model, quantities),
         *(finding_of("dead sensor", said) for said in remarks_on_dead_outputs(model, records)),
         *find_repeats(records),
         *_gaps(records),
@@ -197,10 +197,10 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
 # -- what looks wrong ------------------------------------------------------------------------------
 
 
-def _constant(quantities) -> Iterator[Finding]:
+def _constant(model: PhysicsModel, quantities) -> Iterator[Finding]:
     kinds = {"input": "poor excitation", "output": "dead sensor"}
     for q in quantities:
-        if q.low == q.high and not q.name.startswith(IN):
+        if q.low == q.high and not is_mark(model, q.name):
             yield Finding(
                 kinds[q.role],
                 q.name,

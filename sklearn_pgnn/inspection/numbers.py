@@ -186,6 +186,6 @@ def fit_text(fit: float, decimals: int = 0) -> str:
 def least_size(row: Detectable, digits: int = 2) -> str:
     """Return the smallest size with its unit, and whether none smaller was tried."""
     size = f"{number(row.smallest, digits)} {typeset_unit(row.unit)}".rstrip()
-    if row.smallest < row.curve[0][0]:  # the less, the more it does
+    if abs(row.smallest) < abs(row.curve[0][0]):  # the less, the more it does
         size = f"up to {size}"
     return f"{size} (smallest tried)" if row.is_least_tried else size

@@ -14,8 +14,6 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.inspection.runs import run_estimators
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
-#: the kinds of files; their endings
-KINDS = ("csv", "parquet", "mcap")
 #: stem of the files, and the column in which records follow one another [s]
 RUNS, AXIS = "runs", "time"
 #: stands between an output and whose it is; programs make folders of it

@@ -4,7 +4,7 @@ import numpy as np
 from numba import boolean, njit, types
 from scipy.optimize import lsq_linear
 
-from sklearn_pgnn.simulation.normal_equations import diagonalise
+from sklearn_pgnn.simulation.eigenvalues import diagonalise
 from sklearn_pgnn.simulation.stepping import OPTIONS
 
 #: curvature, relative to the sharpest, below which a direction is as good as flat

@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -275,15 +275,15 @@ def _load_parquet(path: str, model: PhysicsModel) -> pd.DataFrame:
 
 def _with_lists_apart(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a table in which a column ``q`` of vectors is columns ``q/0``, ``q/1`` and so on."""
-    parts = []
-    for name, column in frame.items():
-        sizes = {len(cell) for cell in column if isinstance(cell, np.ndarray | list)}
-        if len(sizes) != 1 or max(sizes) > VECTOR or column.isna().any():
-            parts.append(column)
-            continue
-        numbers = pd.DataFrame(np.stack(column.tolist()), index=frame.index)
-        parts.append(numbers.add_prefix(f"{name}/"))
-    return pd.concat(parts, axis=1) if parts else frame
+    vectors: dict[Hashable, pd.DataFrame] = {}
+    for name, column in frame.select_dtypes(object).items():
+        cells = column.tolist()
+        sizes = {len(cell) if isinstance(cell, np.ndarray | list) else 0 for cell in cells}
+        if len(sizes) == 1 and 0 < max(sizes) <= VECTOR:
+            vectors[name] = pd.DataFrame(np.stack(cells)).add_prefix(f"{name}/")
+    if not vectors:
+        return frame
+    return pd.concat([vectors.get(name, column) for name, column in frame.items()], axis=1)
 
 
 def _load_nested(

@@ -34,6 +34,14 @@ def test_ranges_and_what_is_missing_are_counted():
     assert (speed.role, speed.missing) == ("output", 5)
 
 
+@pytest.mark.parametrize(("name", "unit", "n_told"), [("in_flow", "l/s", 1), ("in_run_1", "", 0)])
+def test_an_input_that_never_changes_is_told_unless_it_marks_a_group(name, unit, n_told):
+    X, y = drive(SLEDGE)
+    model = SLEDGE.replace(inputs={**SLEDGE.inputs, name: unit})
+    warnings = first_look(model, X.assign(**{name: 0.0}), y).warnings
+    assert sum(f"input {name!r} is 0" in said for said in warnings) == n_told
+
+
 def test_a_gap_is_told_with_its_place():
     X, y = drive(SLEDGE, n_records=1)
     X.loc[300:, "t"] += 1.5

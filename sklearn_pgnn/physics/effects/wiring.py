@@ -67,13 +67,14 @@ class Wiring(Effect):
     def lines(self, model: PhysicsModel) -> str:
         """Return what to write into the model file."""
         changed, said = self.apply(model), dict[str, list[str]]()
-        for part in ("outputs", "equations"):
-            before = getattr(model, part)
-            for key, new in getattr(changed, part).items() if not said else ():
-                if new != before[key]:
-                    flows = part == "equations" and key in model.flows
-                    line = f'{key}: "{to_text(new * model.capacity[key] if flows else new)}"'
-                    said.setdefault("flows" if flows else part, []).append(line)
+        for output, new in changed.outputs.items():
+            if new != model.outputs[output]:
+                said.setdefault("outputs", []).append(f'{output}: "{to_text(new)}"')
+        for state, new in changed.equations.items():
+            if new != model.equations[state] and "outputs" not in said:
+                part = "flows" if state in model.flows else "equations"
+                written = to_text(new * model.capacity[state] if part == "flows" else new)
+                said.setdefault(part, []).append(f'{state}: "{written}"')
         return " and ".join(f"{part}: {{{', '.join(lines)}}}" for part, lines in said.items())
 
 
