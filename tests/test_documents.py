@@ -71,16 +71,12 @@ CHECKS = {
 }
 
 
-def in_package(value):
-    return getattr(value, "__module__", "").startswith("sklearn_pgnn")
-
-
 def public_names():
     """Yield the dotted path of every public function, class, method and property."""
     for module in map(importlib.import_module, MODULES):
         for name in getattr(module, "__all__", ()):
             value = getattr(module, name)
-            if callable(value) and in_package(value):
+            if callable(value) and getattr(value, "__module__", "").startswith("sklearn_pgnn"):
                 path = f"{value.__module__}.{value.__name__}"
                 yield path
                 yield from (f"{path}.{method}" for method in methods(value))
@@ -225,18 +221,16 @@ def shown_files(page):
     return {name: textwrap.dedent(block).split("\n") for name, block in found}
 
 
-def expanded(word, folder):
-    """Return what a shell makes of a word: of a pattern, the files it matches."""
-    return sorted(path.name for path in folder.glob(word)) if "*" in word else [word]
-
-
 @pytest.mark.slow
 def test_the_first_machine_is_diagnosed_as_the_page_shows(tmp_path):
     text = (ROOT / "docs" / "quickstart.rst").read_text(encoding="utf-8")
     (make_records, *_) = (snippet.code for snippet in SNIPPETS["quickstart.rst"])
     assert run("-c", make_records, folder=tmp_path).returncode == 0
     for command in re.findall(r"code-block:: bash\n\n    sklearn-pgnn (.*)", text):
-        arguments = [name for word in command.split() for name in expanded(word, tmp_path)]
+        arguments = []  # as a shell makes them: of a pattern, the files it matches
+        for word in command.split():
+            matched = sorted(path.name for path in tmp_path.glob(word)) if "*" in word else [word]
+            arguments += matched
         result = run("-c", "from sklearn_pgnn.cli import main; main()", *arguments, folder=tmp_path)
         assert result.returncode == 0, result.stderr
     for name, lines in shown_files("quickstart.rst").items():

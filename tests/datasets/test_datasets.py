@@ -30,8 +30,8 @@ from sklearn_pgnn.datasets import (
     make_two_tanks,
     servo_valve_plant,
 )
+from sklearn_pgnn.datasets.excitation import EXCITATIONS
 from sklearn_pgnn.datasets.integrator import integrate
-from sklearn_pgnn.datasets.rig import EXCITATIONS
 from sklearn_pgnn.physics import PhysicsModel, effects, systems
 
 
@@ -573,20 +573,16 @@ def test_the_drives_test_goes_on_where_training_ends(home):
             np.testing.assert_array_equal(y["pulses"][mine], DRIVES[z][rows, 0])
 
 
-def gain(name):
-    return 35.15065188 if name == "EMPS" else 1.0
-
-
 @pytest.mark.parametrize(
-    ("name", "load"),
+    ("name", "load", "gain"),
     [
-        ("EMPS", load_emps),
-        ("Cascaded_Tanks", load_cascaded_tanks),
-        ("CED", load_coupled_drives),
-        ("Silverbox", load_silverbox),
+        ("EMPS", load_emps, 35.15065188),
+        ("Cascaded_Tanks", load_cascaded_tanks, 1.0),
+        ("CED", load_coupled_drives, 1.0),
+        ("Silverbox", load_silverbox, 1.0),
     ],
 )
-def test_records_splits_and_windows_are_those_of_the_package(home, name, load):
+def test_records_splits_and_windows_are_those_of_the_package(home, name, load, gain):
     package = pytest.importorskip("nonlinear_benchmarks")
     theirs = getattr(package, name)(dir_placement=home, always_return_tuples_of_datasets=True)
     ours = load(data_home=home)
@@ -596,7 +592,7 @@ def test_records_splits_and_windows_are_those_of_the_package(home, name, load):
     ):
         assert X["trajectory"].nunique() == len(records)
         u, z = (np.concatenate([getattr(r, key) for r in records]) for key in "uy")
-        np.testing.assert_allclose(X.iloc[:, 2], gain(name) * u)
+        np.testing.assert_allclose(X.iloc[:, 2], gain * u)
         np.testing.assert_array_equal(y.iloc[:, 0], z)
         assert X["t"].diff()[1] == pytest.approx(records[0].sampling_time)
     assert {r.state_initialization_window_length for r in theirs[1]} == {ours.initial_window}

@@ -9,7 +9,7 @@ from sledge import NOISE, SLEDGE, drive
 
 from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.diagnosis.structure import IN_RECORD, find_structure, is_positive
-from sklearn_pgnn.diagnosis.unexplained import groups_of
+from sklearn_pgnn.diagnosis.trees import groups_of
 from sklearn_pgnn.estimation.budgets import STRETCHES
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem

@@ -10,7 +10,8 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
-from sklearn_pgnn.diagnosis.unexplained import _slope_by, leading_terms, tells_time
+from sklearn_pgnn.diagnosis.term_choice import _slope_by, leading_terms
+from sklearn_pgnn.diagnosis.unexplained import tells_time
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.exceptions import ModelError

@@ -5,7 +5,8 @@ import pytest
 import sympy
 
 from sklearn_pgnn import effects, systems
-from sklearn_pgnn.estimation.same_in_equations import number_at, values_at
+from sklearn_pgnn.estimation.point_values import number_at
+from sklearn_pgnn.estimation.same_in_equations import values_at
 from sklearn_pgnn.physics.expressions import TIME, symbol
 
 X, Y = symbol("x"), symbol("y")

@@ -36,15 +36,11 @@ def cart():
     )
 
 
-def force(t, record):
-    return 4 * np.sin((1.3 + 0.4 * record) * t) + 3 * np.sin((3.1 + record) * t) + 2 * (t % 3 > 2)
-
-
 def records(noise=2e-3, seed=0):
     rng, t = np.random.default_rng(seed), np.arange(0, 8, 0.02)
     tables = []
     for record in range(4):
-        u = force(t, record)
+        u = 4 * np.sin((1.3 + 0.4 * record) * t) + 3 * np.sin((3.1 + record) * t) + 2 * (t % 3 > 2)
         x = cart().simulate(t, u, substeps=4).y[:, 0] + noise * rng.standard_normal(t.size)
         tables.append(pd.DataFrame({"trajectory": record, "t": t, "F": u, "position": x}))
     return pd.concat(tables, ignore_index=True)

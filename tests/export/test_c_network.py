@@ -120,13 +120,9 @@ def test_a_plain_network_without_a_model(tmp_path):
 def test_states_out_of_reach_are_kept_as_in_python(tmp_path):
     X, y = robot_records()
     network = PGNNLRegressor(ROBOT, structure="increment", guide=None, **BRIEF).fit(X, y)
-    network.step_ = _narrow(network.step_)
+    network.step_ = replace(network.step_, reach=network.step_.reach * 3e-4)
     with pytest.warns(RuntimeWarning, match="exceeded 1000 times the range"):
         assert differ(network, X, tmp_path) < 1e-12
-
-
-def _narrow(step):
-    return replace(step, reach=step.reach * 3e-4)
 
 
 class Own(nn.Linear):

@@ -23,7 +23,8 @@ from sklearn_pgnn import FleetDiagnosis, ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT, SUMMARY
-from sklearn_pgnn.fleet.machine import Machine, Store
+from sklearn_pgnn.fleet.machine import Machine
+from sklearn_pgnn.fleet.one_machine import Store
 from sklearn_pgnn.fleet.report import render_fleet
 from sklearn_pgnn.fleet.spread import spread_of
 from sklearn_pgnn.inspection.report.page import digest

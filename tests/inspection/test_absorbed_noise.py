@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import PhysicsModel, effects
-from sklearn_pgnn.inspection.run_displays import absorbed_autocorrelation
+from sklearn_pgnn.inspection.absorbed_noise import absorbed_autocorrelation
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 LENGTH, WINDOWS = 12, 5

@@ -12,12 +12,8 @@ from sklearn_pgnn.inspection.run_files import write_runs
 from sklearn_pgnn.trajectories import read_file
 
 
-@pytest.fixture(scope="module")
-def table():
-    return simulated_records(situation("named"))
-
-
-def test_records_follow_one_another_and_the_residual_is_of_the_last_model(table):
+def test_records_follow_one_another_and_the_residual_is_of_the_last_model():
+    table = simulated_records(situation("named"))
     assert (np.diff(table["time"]) > 0).all()
     for _, record in table.groupby("trajectory"):
         np.testing.assert_allclose(np.diff(record["time"]), np.diff(record["t"]))
@@ -29,8 +25,9 @@ def test_records_follow_one_another_and_the_residual_is_of_the_last_model(table)
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mcap"])
-def test_the_file_reads_back_and_the_layout_shows_every_curve(table, kind, tmp_path):
+def test_the_file_reads_back_and_the_layout_shows_every_curve(kind, tmp_path):
     pytest.importorskip({"parquet": "pyarrow", "mcap": "rosbags"}.get(kind, "pandas"))
+    table = simulated_records(situation("named"))
     write_runs(table, tmp_path, kind)
     shown = {curve.get("name") for curve in ET.parse(tmp_path / "runs.xml").iter("curve")}
     wanted = [name for name in table if "/" in name]

@@ -5,14 +5,8 @@ import pytest
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from sklearn_pgnn import systems
-from sklearn_pgnn.simulation.smoothed_output import (
-    FEWEST,
-    PENALTIES,
-    NaturalSpline,
-    choose_penalty,
-    smooth,
-    solve_pentadiagonal,
-)
+from sklearn_pgnn.simulation.smoothed_output import FEWEST, choose_penalty, smooth
+from sklearn_pgnn.simulation.smoothing import PENALTIES, NaturalSpline, solve_pentadiagonal
 from sklearn_pgnn.simulation.state_estimate import StateEstimator, hidden_states
 from sklearn_pgnn.simulation.windows import ShootingWindows
 

@@ -1,5 +1,7 @@
 """Files of every kind are the same records, and every error has its place."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -45,23 +47,14 @@ def to_mat_columns(path, table):
     savemat(path, {"data": columns, "rig": "A", "gain": 2.0, "calibration": np.arange(7.0)})
 
 
-def to_hdf5_mat(path, table, block=512):
+def to_hdf5_mat(path, table, block=512, group="data"):
     """Write what MATLAB's ``save -v7.3`` writes: rows for columns, behind a block of text."""
     h5py = pytest.importorskip("h5py")
     with h5py.File(path, "w", userblock_size=block) as file:
         for name in table:
-            file[f"data/{name}"] = table[name].to_numpy()[None, :]
+            file[f"{group}/{name}"] = table[name].to_numpy()[None, :]
         file["#refs#/a"] = np.zeros((3, 2))
         file["gain"] = np.array([[2.0]])
-
-
-def to_hdf5(path, table):
-    """Write groups, as of an acquisition program."""
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(path, "w") as file:
-        for name in table:
-            file[f"run 1/channels/{name}"] = table[name].to_numpy()
-        file["run 1/settings/rate"] = 10.0
 
 
 def to_tdms(path, table):
@@ -87,7 +80,7 @@ KINDS = {
     "mat": (to_mat, "mat"),
     "mat with a struct of columns": (to_mat_columns, "mat"),
     "mat 7.3": (to_hdf5_mat, "mat"),
-    "hdf5": (to_hdf5, "h5"),
+    "hdf5": (partial(to_hdf5_mat, block=0, group="run 1/channels"), "h5"),
     "tdms": (to_tdms, "tdms"),
     "parquet": (to_parquet, "parquet"),
     "excel": (to_excel, "xlsx"),

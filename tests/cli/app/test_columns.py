@@ -15,9 +15,7 @@ CART = PhysicsModel(
 )
 
 
-@pytest.fixture
-def files(tmp_path):
-    """Two runs, and a table of what holds all through them."""
+def test_conditions_and_marks_need_no_column_where_they_are_told(tmp_path):
     rows = "time [ms],F,v\n" + "".join(f"{100 * k},1,0.{k}\n" for k in range(4))
     texts = {
         "a.csv": rows,
@@ -26,10 +24,7 @@ def files(tmp_path):
     }
     for place, text in enumerate(texts.values()):
         (tmp_path / f"{place}.csv").write_text(text)
-    return [{"file": str(tmp_path / f"{k}.csv"), "label": name} for k, name in enumerate(texts)]
-
-
-def test_conditions_and_marks_need_no_column(files):
+    files = [{"file": str(tmp_path / f"{k}.csv"), "label": name} for k, name in enumerate(texts)]
     seen = seen_columns(CART, files)
     assert [name for name, _, _ in seen["quantities"]] == ["t", "F", "v"]
     assert seen["columns"] == ["time [ms]", "F", "v"]
@@ -39,9 +34,5 @@ def test_conditions_and_marks_need_no_column(files):
     assert X["load"].tolist() == [0.5] * 4 + [0.0] * 4
     assert X["in_b"].tolist() == [0.0] * 4 + [1.0] * 4
     assert y["v"].tolist() == [0.0, 0.1, 0.2, 0.3] * 2
-
-
-def test_without_the_table_its_input_needs_a_column(files):
-    mapping = seen_columns(CART, files)["guess"]
     with pytest.raises(RecordError, match=r"expected a column for the input 'load', got none\."):
-        read_mapped(CART, files[:2], mapping)
+        read_mapped(CART, files[:2], seen["guess"])

@@ -391,7 +391,8 @@ def test_the_process_ends_with_the_server():
         client = Client(address)
         client.ask("/system", system="two-tanks")
         assert (address.folder / "model.yaml").exists()
-        workers = [pid for pid in {*children()} - before if b"app.worker" in command_of(pid)]
+        new = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in {*children()} - before}
+        workers = [pid for pid, command in new.items() if b"app.worker" in command]
         assert workers
     assert not {*workers} & {*children()}
 
@@ -399,10 +400,6 @@ def test_the_process_ends_with_the_server():
 def children():
     told = (f"/proc/self/task/{task}/children" for task in os.listdir("/proc/self/task"))
     return [pid for path in told for pid in Path(path).read_text().split()]
-
-
-def command_of(pid):
-    return Path(f"/proc/{pid}/cmdline").read_bytes()
 
 
 # -- where it is -----------------------------------------------------------------------------------
