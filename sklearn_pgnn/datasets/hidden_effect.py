@@ -9,10 +9,10 @@ import pandas as pd
 from sklearn.utils import check_random_state
 
 from sklearn_pgnn.annotations import RandomState
+from sklearn_pgnn.datasets.excitation import excite
 from sklearn_pgnn.datasets.rig import (
     Rig,
     add_noise,
-    excite,
     find_amplitudes,
     make_tables,
     noise_levels,

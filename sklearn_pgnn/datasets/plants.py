@@ -7,15 +7,9 @@ import pandas as pd
 from sklearn.utils import check_random_state
 
 from sklearn_pgnn.annotations import RandomState
+from sklearn_pgnn.datasets.excitation import excite
 from sklearn_pgnn.datasets.integrator import integrate
-from sklearn_pgnn.datasets.rig import (
-    Rig,
-    add_noise,
-    excite,
-    find_amplitudes,
-    make_tables,
-    run_bounded,
-)
+from sklearn_pgnn.datasets.rig import Rig, add_noise, find_amplitudes, make_tables, run_bounded
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.systems import golf_robot, servo_valve

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
+from sklearn_pgnn.diagnosis.trees import boosted_trees, groups_of
 from sklearn_pgnn.diagnosis.unexplained import (
     KnownTerms,
     MissingPart,
     Proposal,
-    boosted_trees,
-    groups_of,
     hidden_input,
     smoothed_samples,
 )

@@ -32,7 +32,8 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 from sklearn.model_selection import GroupKFold
 
-from sklearn_pgnn.diagnosis.unexplained import boosted_trees, groups_of, hidden_input
+from sklearn_pgnn.diagnosis.trees import boosted_trees, groups_of
+from sklearn_pgnn.diagnosis.unexplained import hidden_input
 from sklearn_pgnn.estimation.budgets import FILTERS, FOLDS, SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import record_starts

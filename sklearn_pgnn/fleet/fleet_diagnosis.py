@@ -18,7 +18,8 @@ from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet.changes import Change, changes_between
 from sklearn_pgnn.fleet.content_key import content_key, files_key, records_key, setting_key
-from sklearn_pgnn.fleet.machine import Job, Machine, Outcome, Store, common_causes
+from sklearn_pgnn.fleet.machine import Machine, common_causes
+from sklearn_pgnn.fleet.one_machine import Job, Outcome, Store
 from sklearn_pgnn.fleet.report import render_fleet
 from sklearn_pgnn.fleet.spread import ParameterSpread, spread_of
 from sklearn_pgnn.inspection.cause_names import cause_name

@@ -11,7 +11,8 @@ import numpy as np
 from markupsafe import Markup
 
 from sklearn_pgnn.diagnosis.verdict import VERDICTS
-from sklearn_pgnn.fleet.machine import FAILED, PAGE, SAID, FleetCause, Machine, Store
+from sklearn_pgnn.fleet.machine import FAILED, SAID, FleetCause, Machine
+from sklearn_pgnn.fleet.one_machine import PAGE, Store
 from sklearn_pgnn.fleet.spread import ParameterSpread
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import (

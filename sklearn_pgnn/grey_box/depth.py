@@ -12,8 +12,7 @@ from sklearn.base import clone
 from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning, TrainingError
 from sklearn_pgnn.grey_box.initial_state import find_initial_state
-from sklearn_pgnn.grey_box.options import NETWORKS, network_or_default
-from sklearn_pgnn.grey_box.remarks import warn_of_training
+from sklearn_pgnn.grey_box.options import NETWORKS, network_or_default, warn_of_training
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual
 from sklearn_pgnn.model_selection.outer_estimator import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel

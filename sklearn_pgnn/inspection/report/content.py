@@ -16,7 +16,6 @@ from sklearn_pgnn.inspection.numbers import (
     times,
     typeset_unit,
 )
-from sklearn_pgnn.inspection.remedies import spread_sentence
 from sklearn_pgnn.inspection.report.causes import all_members, told_causes
 from sklearn_pgnn.inspection.report.curves_section import curve_sections
 from sklearn_pgnn.inspection.report.dot_plot import dot_plot
@@ -34,6 +33,7 @@ from sklearn_pgnn.inspection.words import (
     NOT_COMPARED,
     early_end,
     remaining_sentence,
+    spread_sentence,
     told_verdict,
     unusable_sentence,
 )
