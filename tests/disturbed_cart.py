@@ -17,14 +17,18 @@ CART = PhysicsModel(
 STEP, SIZE, RECORDS = 0.02, 600, 4
 
 
+def slow_noise(rng, kept, shape):
+    """Draw first-order noise of unit variance along the last axis."""
+    return lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(shape))
+
+
 def drive(rig, disturbance, seed=0, noise=1e-3, substeps=5):
     """Drive a rig on which a slow force of so many newtons acts; give X and y."""
-    rng, kept, X, y = np.random.default_rng(seed), np.exp(-STEP / 0.5), [], []
+    rng, X, y = np.random.default_rng(seed), [], []
     for i in range(RECORDS):
         t = STEP * np.arange(SIZE)
         force = 4.0 * np.sin(1.3 * t + i) + 2.0 * np.sin(0.5 * t * t)
-        of_one = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(SIZE))
-        slow = disturbance * of_one  # first-order noise
+        slow = disturbance * slow_noise(rng, np.exp(-STEP / 0.5), SIZE)
         run = rig.simulate(t, force + slow, substeps=substeps).check()
         X.append(pd.DataFrame({"trajectory": i, "t": t, "F": force}))
         y.append(run.y[:, 0] + noise * rng.standard_normal(SIZE))

@@ -343,6 +343,8 @@ class Investigation:
         group = find_group(fitter.problem, base.fit, self.progress.tick)
         if group is None:
             return None
+        if group.until is not None and self._is_early(group):
+            return None  # it may be a drift, which has no onset
         is_most = group.since is None and group.share >= MOST
         usual = (group.left + group.share) * left  # with another value everywhere
         if not is_most and ((group.left * left > much).any() or (usual <= much).all()):
@@ -387,13 +389,17 @@ class Investigation:
                 vars(self).update(vars(wider), searched=again)
                 return self._try_differences(again)
 
-    def _or_whole(self, group: Group) -> list[Group]:
-        """Return a group, after its whole records if it begins so early that these may differ."""
+    def _is_early(self, group: Group) -> bool:
+        """Return whether a group has an onset, so early that its whole records may differ."""
         of = [self.records[r].t for r in group.records]
-        if group.since is None or len(of) == len(self.records):
+        since = np.inf if group.since is None else group.since
+        return all(since - t[0] < (t[-1] - t[0]) / ONSETS for t in of)
+
+    def _or_whole(self, group: Group) -> list[Group]:
+        """Return a group, after its whole records, if not all, where it begins early."""
+        if len(group.records) == len(self.records) or not self._is_early(group):
             return [group]
-        is_early = all(group.since - t[0] < (t[-1] - t[0]) / ONSETS for t in of)
-        return [group._replace(since=None, until=None), group] if is_early else [group]
+        return [group._replace(since=None, until=None), group]
 
     def _lacks(self, wider: "Investigation", found: Findings) -> bool:
         """Return whether something is named that only a wider investigation considers."""

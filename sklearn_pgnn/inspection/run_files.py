@@ -82,18 +82,19 @@ def check_kind(kind: str | None) -> None:
 
 def write_runs(table: pd.DataFrame, folder: Path, kind: str) -> None:
     """Write a table of records and simulations, and a layout of PlotJuggler that shows it."""
-    path = folder / f"{RUNS}.{kind}"
+    path, called = folder / f"{RUNS}.{kind}", {name: name for name in table.columns}
     if kind == "csv":
         table.to_csv(path, index=False)
     elif kind == "parquet":
         table.to_parquet(path, index=False)
     else:
-        _write_mcap(table, path)
-    called = {name: f"{_topic(name)}/data" if kind == "mcap" else name for name in table.columns}
+        topics = {name: "/" + name.replace(" ", "_") for name in table.columns}
+        _write_mcap(table, topics, path)
+        called = {name: f"{topic}/data" for name, topic in topics.items()}
     (folder / f"{RUNS}.xml").write_text(_layout(called), encoding="utf-8")
 
 
-def _write_mcap(table: pd.DataFrame, path: Path) -> None:
+def _write_mcap(table: pd.DataFrame, topics: Mapping[str, str], path: Path) -> None:
     """Write every column as a topic of numbers, a sample without a value as no message."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -105,18 +106,13 @@ def _write_mcap(table: pd.DataFrame, path: Path) -> None:
         bag = Path(folder, RUNS)
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             for name in table.columns.drop([AXIS, TRAJECTORY]):
-                topic = writer.add_connection(_topic(name), number.__msgtype__, typestore=types)
+                topic = writer.add_connection(topics[name], number.__msgtype__, typestore=types)
                 for time, value in zip(at, table[name], strict=True):
                     if np.isfinite(value):
                         message = types.serialize_cdr(number(data=value), number.__msgtype__)
                         writer.write(topic, time, message)
         (found,) = bag.glob("*.mcap")
         path.write_bytes(found.read_bytes())
-
-
-def _topic(name: str) -> str:
-    """Return the topic of a column."""
-    return "/" + name.replace(" ", "_")
 
 
 def _layout(called: Mapping[str, str]) -> str:

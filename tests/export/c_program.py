@@ -73,9 +73,7 @@ def run_c(text, folder, name, model, u, *, n=None, x0=None, precision="double", 
     X, Y = np.zeros((len(u), nx), kind), np.zeros((len(u), ny), kind)
     start, more = (None if a is None else np.array(a, kind, order="C") for a in (x0, features))
     u = np.array(u, kind, order="C")
-    library.run(ctypes.c_long(len(u)), *map(_pointer, (u, more, start, X, Y)))
+    given = (u, more, start, X, Y)
+    pointers = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in given)
+    library.run(ctypes.c_long(len(u)), *pointers)
     return X.astype(float), Y.astype(float)
-
-
-def _pointer(values):
-    return None if values is None else ctypes.c_void_p(values.ctypes.data)
