@@ -276,8 +276,8 @@ def _load_parquet(path: str, model: PhysicsModel) -> pd.DataFrame:
 def _with_lists_apart(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a table in which a column ``q`` of vectors is columns ``q/0``, ``q/1`` and so on."""
     vectors: dict[Hashable, pd.DataFrame] = {}
-    for name, column in frame.select_dtypes(object).items():
-        cells = column.tolist()
+    for name, column in frame.items():
+        cells = column.tolist() if column.dtype == object else []
         sizes = {len(cell) if isinstance(cell, np.ndarray | list) else 0 for cell in cells}
         if len(sizes) == 1 and 0 < max(sizes) <= VECTOR:
             vectors[name] = pd.DataFrame(np.stack(cells)).add_prefix(f"{name}/")
